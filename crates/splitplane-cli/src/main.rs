@@ -1,0 +1,3 @@
+//! The command `splitplane`.
+
+fn main() {}

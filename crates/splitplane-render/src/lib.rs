@@ -1,0 +1,9 @@
+//! Scenes, cameras, materials, lights and integrators: from a scene file to a picture, with
+//! splitplane's trees for the rays.
+//!
+//! [`scene::load`] reads a scene, [`render`] renders it with any tree.
+
+#![forbid(unsafe_code)]
+
+pub mod scene;
+pub mod transform;

@@ -1,0 +1,82 @@
+//! What a scene is: geometry, materials, lights, camera, and what the file says of how to render.
+
+pub mod camera;
+pub mod light;
+pub mod material;
+pub mod settings;
+pub mod texture;
+
+use std::ops::Range;
+
+use splitplane::Mesh;
+
+use camera::Camera;
+use light::{AreaLight, Light};
+use material::Material;
+use settings::{Film, Filter, Integrator, Sampler};
+
+/// A scene, ready to be rendered. All geometry is in world space.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// A short name, for records and file names: `killeroo-legs`, `arcade:100000`.
+    pub name: String,
+    /// All triangles.
+    pub mesh: Mesh,
+    /// Shading normals, one per vertex of the mesh; only those of a shape with
+    /// [`Shape::has_normals`] mean anything. Empty where no shape has any.
+    pub normals: Vec<[f32; 3]>,
+    /// Texture coordinates, one per vertex of the mesh; only those of a shape with
+    /// [`Shape::has_uvs`] mean anything. Empty where no shape has any.
+    pub uvs: Vec<[f32; 2]>,
+    /// What the triangles belong to: consecutive ranges that cover the mesh, in order.
+    pub shapes: Vec<Shape>,
+    /// The materials that shapes name.
+    pub materials: Vec<Material>,
+    /// The lights, apart from area lights, which belong to shapes.
+    pub lights: Vec<Light>,
+    /// The camera.
+    pub camera: Camera,
+    /// The size of the picture and the part of it to render.
+    pub film: Film,
+    /// How samples are weighted into pixels.
+    pub filter: Filter,
+    /// Where samples come from.
+    pub sampler: Sampler,
+    /// How light is gathered.
+    pub integrator: Integrator,
+    /// The tree that the file asks for, as it is named there, with its directions: "kd",
+    /// "wn+kd:6".
+    pub accelerator: Option<String>,
+    /// What was approximated or could not be used, each once per kind, with its place; and what
+    /// was tessellated and how finely.
+    pub notes: Vec<Note>,
+}
+
+/// A range of triangles with the same material and light.
+#[derive(Clone, Debug)]
+pub struct Shape {
+    /// The triangles, as indices into the mesh.
+    pub triangles: Range<u32>,
+    /// Index into [`Scene::materials`].
+    pub material: u32,
+    /// The light that the shape's triangles give off, if any.
+    pub area_light: Option<AreaLight>,
+    /// The vertices have shading normals.
+    pub has_normals: bool,
+    /// The vertices have texture coordinates.
+    pub has_uvs: bool,
+    /// Geometric normals point the other way (ReverseOrientation, or a transform that changes
+    /// handedness; not both).
+    pub flip_normals: bool,
+}
+
+/// Something that a reader of the scene's picture or figures should know.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Note {
+    /// Where: `file:line:column`, or the file.
+    pub place: String,
+    /// What.
+    pub text: String,
+    /// Whether the scene is rendered otherwise than its file says.
+    pub warning: bool,
+}

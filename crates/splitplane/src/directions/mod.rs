@@ -1,0 +1,1 @@
+//! Where split directions come from.

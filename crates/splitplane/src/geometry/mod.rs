@@ -1,0 +1,11 @@
+//! Rays, boxes, triangles, polytopes and the mesh.
+
+mod aabb;
+mod mesh;
+pub(crate) mod polytope;
+mod ray;
+pub(crate) mod triangle;
+
+pub use aabb::Aabb;
+pub use mesh::{Mesh, MeshError, Skipped};
+pub use ray::Ray;

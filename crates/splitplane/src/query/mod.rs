@@ -1,0 +1,86 @@
+//! Rays against a tree.
+
+/// Where a ray meets the mesh.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Hit {
+    /// Distance from the ray's origin, in multiples of its direction's length.
+    pub t: f32,
+    /// Barycentric weight of the triangle's second vertex, in `[0, 1]`.
+    pub u: f32,
+    /// Barycentric weight of the triangle's third vertex, in `[0, 1]`.
+    pub v: f32,
+    /// Index of the triangle in the mesh.
+    pub triangle: u32,
+}
+
+/// What a query reports while it runs. Counting never changes a result; `()` counts nothing and
+/// costs nothing.
+pub trait Counters {
+    /// A triangle was tested.
+    #[inline(always)]
+    fn triangle_test(&mut self) {}
+    /// An axis-aligned interior node was visited.
+    #[inline(always)]
+    fn kd_visit(&mut self) {}
+    /// An interior node with an oblique plane was visited.
+    #[inline(always)]
+    fn oblique_visit(&mut self) {}
+    /// A leaf of this many triangles was visited.
+    #[inline(always)]
+    fn leaf_visit(&mut self, _triangles: u32) {}
+}
+
+impl Counters for () {}
+
+/// Sums of what queries did.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Triangles tested.
+    pub triangle_tests: u64,
+    /// Axis-aligned interior nodes visited.
+    pub kd_visits: u64,
+    /// Interior nodes with an oblique plane visited.
+    pub oblique_visits: u64,
+    /// Leaves visited.
+    pub leaf_visits: u64,
+}
+
+impl Counters for Counts {
+    #[inline(always)]
+    fn triangle_test(&mut self) {
+        self.triangle_tests += 1;
+    }
+    #[inline(always)]
+    fn kd_visit(&mut self) {
+        self.kd_visits += 1;
+    }
+    #[inline(always)]
+    fn oblique_visit(&mut self) {
+        self.oblique_visits += 1;
+    }
+    #[inline(always)]
+    fn leaf_visit(&mut self, _triangles: u32) {
+        self.leaf_visits += 1;
+    }
+}
+
+impl std::ops::AddAssign for Counts {
+    fn add_assign(&mut self, other: Counts) {
+        self.triangle_tests += other.triangle_tests;
+        self.kd_visits += other.kd_visits;
+        self.oblique_visits += other.oblique_visits;
+        self.leaf_visits += other.leaf_visits;
+    }
+}
+
+impl std::ops::Sub for Counts {
+    type Output = Counts;
+    fn sub(self, other: Counts) -> Counts {
+        Counts {
+            triangle_tests: self.triangle_tests - other.triangle_tests,
+            kd_visits: self.kd_visits - other.kd_visits,
+            oblique_visits: self.oblique_visits - other.oblique_visits,
+            leaf_visits: self.leaf_visits - other.leaf_visits,
+        }
+    }
+}
