@@ -59,6 +59,11 @@ pub static TREES: &[TreeSpec] = &[
 ];
 
 impl TreeSpec {
+    /// Whether all planes of the tree are axis-aligned.
+    pub(crate) fn only_axes(&self) -> bool {
+        self.directions == Directions::None && !self.triangle_planes
+    }
+
     /// Whether the tree takes a number of directions, `:k`.
     pub fn takes_direction_count(&self) -> bool {
         self.directions != Directions::None

@@ -35,3 +35,18 @@ pub use catalog::{Directions, ParseTreeError, TREES, TreeChoice, TreeSpec};
 pub use geometry::{Aabb, Mesh, MeshError, Ray, Skipped};
 pub use query::{Counters, Counts, Hit};
 pub use tree::{NodeCounts, Tree, TreeCard, ValidateError};
+
+#[cfg(test)]
+mod testing {
+    use proptest::test_runner::{Config, RngSeed};
+
+    /// That many cases, the same in every run: a failure in CI is one that everybody sees.
+    pub(crate) fn cases(cases: u32) -> Config {
+        Config {
+            cases,
+            rng_seed: RngSeed::Fixed(2019),
+            failure_persistence: None,
+            ..Config::default()
+        }
+    }
+}

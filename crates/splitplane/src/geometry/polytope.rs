@@ -24,9 +24,15 @@ pub(crate) struct Polytope {
 impl Polytope {
     pub(crate) fn from_box(aabb: &Aabb) -> Self {
         let pick = |corner: usize, axis: usize| {
-            f64::from(if corner >> axis & 1 == 1 { aabb.max[axis] } else { aabb.min[axis] })
+            f64::from(if corner >> axis & 1 == 1 {
+                aabb.max[axis]
+            } else {
+                aabb.min[axis]
+            })
         };
-        let vertices = (0..8).map(|c| DVec3::new(pick(c, 0), pick(c, 1), pick(c, 2))).collect();
+        let vertices = (0..8)
+            .map(|c| DVec3::new(pick(c, 0), pick(c, 1), pick(c, 2)))
+            .collect();
         let faces: [[u16; 4]; 6] = [
             [0, 4, 6, 2],
             [1, 3, 7, 5],
@@ -35,7 +41,10 @@ impl Polytope {
             [0, 2, 3, 1],
             [4, 5, 7, 6],
         ];
-        let mut polytope = Polytope { vertices, ..Polytope::default() };
+        let mut polytope = Polytope {
+            vertices,
+            ..Polytope::default()
+        };
         for face in faces {
             polytope.push_face(&face);
         }
@@ -64,9 +73,10 @@ impl Polytope {
         &self.vertices
     }
 
-    #[cfg(test)]
     pub(crate) fn volume(&self) -> f64 {
-        let Some(&apex) = self.vertices.first() else { return 0.0 };
+        let Some(&apex) = self.vertices.first() else {
+            return 0.0;
+        };
         let six_fold: f64 = self
             .faces()
             .flat_map(|face| {
@@ -85,7 +95,11 @@ impl Polytope {
         if self.vertices.len() > MAX_VERTICES {
             return None;
         }
-        let heights: Vec<f64> = self.vertices.iter().map(|v| normal.dot(*v) - offset).collect();
+        let heights: Vec<f64> = self
+            .vertices
+            .iter()
+            .map(|v| normal.dot(*v) - offset)
+            .collect();
         let mut cut = Cut {
             source: self,
             heights: &heights,
@@ -119,17 +133,27 @@ impl Polytope {
                 }
             })
             .collect();
-        Slicer { polytope: self, heights, ranges, low, high }
+        Slicer {
+            polytope: self,
+            heights,
+            ranges,
+            low,
+            high,
+        }
     }
 }
 
 fn min_max(values: impl Iterator<Item = f64>) -> (f64, f64) {
-    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)))
+    values.fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| {
+        (lo.min(v), hi.max(v))
+    })
 }
 
 /// The area of a planar polygon: half the length of its vector area.
 fn polygon_area(mut points: impl Iterator<Item = DVec3>) -> f64 {
-    let (Some(first), Some(mut previous)) = (points.next(), points.next()) else { return 0.0 };
+    let (Some(first), Some(mut previous)) = (points.next(), points.next()) else {
+        return 0.0;
+    };
     let mut vector = DVec3::ZERO;
     for point in points {
         vector += (previous - first).cross(point - first);
@@ -164,7 +188,9 @@ impl Part {
         let slot = &mut self.kept[usize::from(vertex)];
         if *slot == ABSENT {
             *slot = self.polytope.vertices.len() as u16;
-            self.polytope.vertices.push(source.vertices[usize::from(vertex)]);
+            self.polytope
+                .vertices
+                .push(source.vertices[usize::from(vertex)]);
         }
         let index = *slot;
         self.extend(index);
@@ -180,7 +206,9 @@ impl Part {
         let slot = &mut self.crossed[usize::from(crossing)];
         if *slot == ABSENT {
             *slot = self.polytope.vertices.len() as u16;
-            let Crossing::Edge { point, .. } = at else { unreachable!("a vertex returned above") };
+            let Crossing::Edge { point, .. } = at else {
+                unreachable!("a vertex returned above")
+            };
             self.polytope.vertices.push(point);
         }
         let index = *slot;
@@ -232,7 +260,10 @@ impl Cut<'_> {
 
     fn crossing(&mut self, i: u16, j: u16) -> u16 {
         let (below, above) = if self.is_below(i) { (i, j) } else { (j, i) };
-        let (h_below, h_above) = (self.heights[usize::from(below)], self.heights[usize::from(above)]);
+        let (h_below, h_above) = (
+            self.heights[usize::from(below)],
+            self.heights[usize::from(above)],
+        );
         let found = self.crossings.iter().position(|crossing| match *crossing {
             Crossing::Vertex(vertex) => h_below == 0.0 && vertex == below,
             Crossing::Edge { from, to, .. } => (from, to) == (below, above),
@@ -243,9 +274,16 @@ impl Cut<'_> {
         self.crossings.push(if h_below == 0.0 {
             Crossing::Vertex(below)
         } else {
-            let (p, q) = (self.source.vertices[usize::from(below)], self.source.vertices[usize::from(above)]);
+            let (p, q) = (
+                self.source.vertices[usize::from(below)],
+                self.source.vertices[usize::from(above)],
+            );
             let point = p + (q - p) * (h_below / (h_below - h_above));
-            Crossing::Edge { from: below, to: above, point }
+            Crossing::Edge {
+                from: below,
+                to: above,
+                point,
+            }
         });
         (self.crossings.len() - 1) as u16
     }
@@ -254,11 +292,19 @@ impl Cut<'_> {
         let (mut leaves, mut enters) = (None, None);
         for (k, &i) in face.iter().enumerate() {
             let j = face[(k + 1) % face.len()];
-            let part = if self.is_below(i) { &mut self.below } else { &mut self.above };
+            let part = if self.is_below(i) {
+                &mut self.below
+            } else {
+                &mut self.above
+            };
             part.keep(self.source, i);
             if self.is_below(i) != self.is_below(j) {
                 let crossing = self.crossing(i, j);
-                let end = if self.is_below(i) { &mut leaves } else { &mut enters };
+                let end = if self.is_below(i) {
+                    &mut leaves
+                } else {
+                    &mut enters
+                };
                 if end.replace(crossing).is_some() {
                     return None;
                 }
@@ -294,11 +340,13 @@ impl Cut<'_> {
             return None;
         }
         for &crossing in &cap {
-            self.above.cross(self.source, crossing, self.crossings[usize::from(crossing)]);
+            self.above
+                .cross(self.source, crossing, self.crossings[usize::from(crossing)]);
         }
         self.above.end_face();
         for &crossing in cap.iter().rev() {
-            self.below.cross(self.source, crossing, self.crossings[usize::from(crossing)]);
+            self.below
+                .cross(self.source, crossing, self.crossings[usize::from(crossing)]);
         }
         self.below.end_face();
         Some((self.below.polytope, self.above.polytope))
@@ -335,7 +383,12 @@ impl Slicer<'_> {
         let vertices = &self.polytope.vertices;
         let (mut below, mut cap) = (0.0, DVec3::ZERO);
         let mut cap_origin = None;
-        for ((face, &(lo, hi)), &area) in self.polytope.faces().zip(&self.ranges).zip(&self.polytope.areas) {
+        for ((face, &(lo, hi)), &area) in self
+            .polytope
+            .faces()
+            .zip(&self.ranges)
+            .zip(&self.polytope.areas)
+        {
             if hi <= t {
                 below += area;
                 continue;
@@ -404,7 +457,10 @@ mod tests {
 
     /// A box cut by a few planes through its inside, as cells are.
     fn carve(planes: &[([f64; 3], f64, bool)]) -> Polytope {
-        let start = Aabb { min: [-1.0, -2.0, -0.5], max: [1.0, 1.5, 3.0] };
+        let start = Aabb {
+            min: [-1.0, -2.0, -0.5],
+            max: [1.0, 1.5, 3.0],
+        };
         let mut cell = Polytope::from_box(&start);
         for &(normal, at, keep_above) in planes {
             let Some(normal) = unit(normal) else { continue };
@@ -440,7 +496,10 @@ mod tests {
 
     #[test]
     fn a_plane_through_vertices_and_edges_cuts_cleanly() {
-        let cell = Polytope::from_box(&Aabb { min: [0.0; 3], max: [1.0; 3] });
+        let cell = Polytope::from_box(&Aabb {
+            min: [0.0; 3],
+            max: [1.0; 3],
+        });
         let (below, above) = cell.cut(DVec3::new(1.0, 1.0, 0.0), 1.0).unwrap();
         for part in [&below, &above] {
             assert_eq!(part.vertices.len(), 6);
@@ -452,7 +511,7 @@ mod tests {
     }
 
     proptest! {
-        #![proptest_config(ProptestConfig::with_cases(25_000))]
+        #![proptest_config(crate::testing::cases(25_000))]
 
         /// 25,000 random cells, each cut once at random: with the cuts that make the cells, over
         /// 10^5 cuts, slivers included.

@@ -1,5 +1,14 @@
 //! Rays against a tree.
 
+mod traverse;
+
+use std::ops::ControlFlow;
+
+use crate::geometry::triangle::Shear;
+use crate::geometry::{Mesh, Ray};
+use crate::tree::{Tree, with_nodes};
+use traverse::{Search, traverse};
+
 /// Where a ray meets the mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
@@ -82,5 +91,96 @@ impl std::ops::Sub for Counts {
             oblique_visits: self.oblique_visits - other.oblique_visits,
             leaf_visits: self.leaf_visits - other.leaf_visits,
         }
+    }
+}
+
+struct Closest<'a> {
+    mesh: &'a Mesh,
+    shear: Shear,
+    t_min: f32,
+    best: Hit,
+}
+
+impl Search for Closest<'_> {
+    #[inline(always)]
+    fn limit(&self) -> f64 {
+        f64::from(self.best.t)
+    }
+
+    #[inline(always)]
+    fn test(&mut self, triangle: u32) -> ControlFlow<()> {
+        if let Some(hit) = self.shear.intersect(&self.mesh.corners(triangle), triangle)
+            && hit.t > self.t_min
+            && (hit.t < self.best.t || hit.t == self.best.t && triangle < self.best.triangle)
+        {
+            self.best = hit;
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+struct Any<'a> {
+    mesh: &'a Mesh,
+    shear: Shear,
+    t_min: f32,
+    t_max: f32,
+    found: bool,
+}
+
+impl Search for Any<'_> {
+    #[inline(always)]
+    fn limit(&self) -> f64 {
+        f64::from(self.t_max)
+    }
+
+    #[inline(always)]
+    fn test(&mut self, triangle: u32) -> ControlFlow<()> {
+        if let Some(hit) = self.shear.intersect(&self.mesh.corners(triangle), triangle)
+            && hit.t > self.t_min
+            && hit.t <= self.t_max
+        {
+            self.found = true;
+            return ControlFlow::Break(());
+        }
+        ControlFlow::Continue(())
+    }
+}
+
+/// No triangle has this index: see [`Mesh::MAX_COUNT`].
+const NONE: u32 = u32::MAX;
+
+pub(crate) fn closest_hit(tree: &Tree, ray: &Ray, counters: &mut impl Counters) -> Option<Hit> {
+    let mut search = Closest {
+        mesh: tree.mesh(),
+        shear: Shear::of(ray),
+        t_min: ray.t_min,
+        best: Hit {
+            t: ray.t_max,
+            u: 0.0,
+            v: 0.0,
+            triangle: NONE,
+        },
+    };
+    run(tree, ray, &mut search, counters);
+    (search.best.triangle != NONE).then_some(search.best)
+}
+
+pub(crate) fn any_hit(tree: &Tree, ray: &Ray, counters: &mut impl Counters) -> bool {
+    let mut search = Any {
+        mesh: tree.mesh(),
+        shear: Shear::of(ray),
+        t_min: ray.t_min,
+        t_max: ray.t_max,
+        found: false,
+    };
+    run(tree, ray, &mut search, counters);
+    search.found
+}
+
+fn run(tree: &Tree, ray: &Ray, search: &mut impl Search, counters: &mut impl Counters) {
+    let bounds = tree.bounds();
+    if ray.is_valid() && !bounds.is_empty() {
+        let place = (&bounds, tree.tolerance());
+        with_nodes!(tree, nodes => traverse(nodes, tree.references(), place, ray, search, counters));
     }
 }

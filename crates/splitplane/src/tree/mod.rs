@@ -1,77 +1,104 @@
 //! What a build gives.
 
-use crate::build::{BuildError, BuildParams, BuildStats};
-use crate::catalog::TreeChoice;
-use crate::geometry::{Mesh, Ray, triangle::Shear};
-use crate::query::{Counters, Hit};
+mod card;
+pub(crate) mod nodes;
+mod validate;
 
-/// A tree over a mesh, ready for queries.
+pub use card::{NodeCounts, TreeCard};
+pub use validate::ValidateError;
+
+use crate::build::{BuildError, BuildParams, Built, BuiltNode, grow};
+use crate::catalog::TreeChoice;
+use crate::geometry::{Aabb, Mesh, Ray};
+use crate::query::{self, Counters, Hit};
+use nodes::{KdNode, ObliqueNode};
+
+/// A tree over a mesh, ready for queries. Cloning copies the nodes, not the mesh.
+///
+/// Two trees are equal if they have the same name, parameters and nodes; meshes are not compared.
 #[derive(Clone, Debug)]
 pub struct Tree {
     mesh: Mesh,
     choice: TreeChoice,
+    params: BuildParams,
+    nodes: Nodes,
+    references: Vec<u32>,
+    sums: crate::build::Sums,
+    /// How far a triangle may reach beyond a plane, in scene units, on a side where it is not
+    /// referenced.
+    tolerance: f64,
 }
 
-/// Why [`Tree::validate`] refuses a tree.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum ValidateError {}
-
-/// The nodes of a tree, by kind.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct NodeCounts {
-    /// Axis-aligned interior nodes.
-    pub kd: u64,
-    /// Interior nodes with an oblique plane.
-    pub oblique: u64,
-    /// Leaves, the empty ones included.
-    pub leaf: u64,
-    /// Leaves without a triangle.
-    pub empty_leaf: u64,
+/// The nodes, in the layout that the tree's planes need.
+#[derive(Clone, Debug)]
+pub(crate) enum Nodes {
+    Kd(Vec<KdNode>),
+    Oblique(Vec<ObliqueNode>),
 }
 
-/// What is known of a tree: its size, shape and expected cost.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TreeCard {
-    /// The tree and its number of directions.
-    pub choice: TreeChoice,
-    /// Triangles in the mesh that can be hit.
-    pub triangles: u64,
-    /// Nodes by kind.
-    pub nodes: NodeCounts,
-    /// Triangle references in all leaves.
-    pub references: u64,
-    /// Depth of the deepest leaf; the root's is 0.
-    pub depth: u32,
-    /// Triangles in the largest leaf.
-    pub largest_leaf: u64,
-    /// Leaves by their number of triangles: `[(triangles, leaves)]`, ascending.
-    pub leaf_sizes: Vec<(u32, u64)>,
-    /// Expected interior node visits of a random line through the scene's box.
-    pub expected_visits: f64,
-    /// Expected triangle tests of such a line, all leaves on it tested.
-    pub expected_tests: f64,
-    /// SAH cost, normalised by the root's area, with the traversal and intersection costs of the
-    /// build.
-    pub sah_cost: f64,
-    /// Bytes of nodes and references.
-    pub bytes: u64,
-    /// What the build found.
-    pub build: BuildStats,
+/// Runs `$body` with `$nodes` bound to the slice of nodes, once for each layout.
+macro_rules! with_nodes {
+    ($tree:expr, $nodes:ident => $body:expr) => {
+        match $tree.nodes() {
+            $crate::tree::Nodes::Kd($nodes) => {
+                let $nodes = $nodes.as_slice();
+                $body
+            }
+            $crate::tree::Nodes::Oblique($nodes) => {
+                let $nodes = $nodes.as_slice();
+                $body
+            }
+        }
+    };
 }
+pub(crate) use with_nodes;
 
 impl Tree {
-    /// Builds the tree that `choice` names over `mesh`.
+    /// Builds the tree that `choice` names over `mesh`, on the threads of the current rayon pool.
+    /// The tree is the same, byte by byte, for any number of them.
     ///
     /// # Errors
     /// Parameters out of range, or a tree too large for its nodes.
     pub fn build(
         mesh: &Mesh,
         choice: TreeChoice,
-        _params: &BuildParams,
+        params: &BuildParams,
     ) -> Result<Tree, BuildError> {
+        params.check()?;
+        let built = grow(mesh, choice, params);
+        Tree::store(mesh, choice, params, &built)
+    }
+
+    fn store(
+        mesh: &Mesh,
+        choice: TreeChoice,
+        params: &BuildParams,
+        built: &Built,
+    ) -> Result<Tree, BuildError> {
+        let axis_nodes = choice.spec.axis_nodes;
+        let only_axes = |node: &BuiltNode| match node {
+            BuiltNode::Interior { plane, .. } => plane.axis.is_some(),
+            BuiltNode::Leaf { .. } => true,
+        };
+        let (nodes, references) = if axis_nodes && choice.spec.only_axes() {
+            debug_assert!(built.nodes.iter().all(only_axes));
+            let (nodes, references) = nodes::store(&built.nodes, &built.references, axis_nodes)?;
+            (Nodes::Kd(nodes), references)
+        } else {
+            let (nodes, references) = nodes::store(&built.nodes, &built.references, axis_nodes)?;
+            (Nodes::Oblique(nodes), references)
+        };
+        let bounds = mesh.bounds();
+        let tolerance = f64::from(params.ties.tolerance(&bounds))
+            + params.ties.projection_error(bounds.reach());
         Ok(Tree {
             mesh: mesh.clone(),
             choice,
+            params: params.clone(),
+            nodes,
+            references,
+            sums: built.sums,
+            tolerance,
         })
     }
 
@@ -80,50 +107,56 @@ impl Tree {
         &self.mesh
     }
 
-    /// What is known of the tree.
-    pub fn card(&self) -> TreeCard {
-        TreeCard {
-            choice: self.choice,
-            triangles: 0,
-            nodes: NodeCounts::default(),
-            references: 0,
-            depth: 0,
-            largest_leaf: 0,
-            leaf_sizes: vec![],
-            expected_visits: 0.0,
-            expected_tests: 0.0,
-            sah_cost: 0.0,
-            bytes: 0,
-            build: BuildStats::default(),
-        }
+    /// The tree's name and number of directions.
+    pub fn choice(&self) -> TreeChoice {
+        self.choice
     }
 
-    /// Checks that the tree is what it promises to be.
+    /// The parameters that the tree was built with.
+    pub fn params(&self) -> &BuildParams {
+        &self.params
+    }
+
+    /// The box that all triangles lie in.
+    pub fn bounds(&self) -> Aabb {
+        self.mesh.bounds()
+    }
+
+    /// The nearest hit with `t_min < t <= t_max`; of hits at the same `t`, that with the lowest
+    /// index.
     ///
-    /// # Errors
-    /// The first promise that is broken, and where.
-    pub fn validate(&self) -> Result<(), ValidateError> {
-        Ok(())
-    }
-
-    /// The nearest hit with `t_min < t <= t_max`; of hits at the same t the lowest index.
+    /// The answer is that of testing every triangle, bit for bit. What is done on the way is
+    /// reported to `counters`; `&mut ()` counts nothing.
     pub fn closest_hit(&self, ray: &Ray, counters: &mut impl Counters) -> Option<Hit> {
-        let shear = Shear::of(ray);
-        let mut best: Option<Hit> = None;
-        for &i in self.mesh.usable_triangles() {
-            counters.triangle_test();
-            if let Some(hit) = shear.intersect(&self.mesh.corners(i), i) {
-                let limit = best.map_or(ray.t_max, |b| b.t);
-                if hit.t > ray.t_min && (hit.t < limit || best.is_none() && hit.t == limit) {
-                    best = Some(hit);
-                }
-            }
-        }
-        best
+        query::closest_hit(self, ray, counters)
     }
 
-    /// Whether anything is hit with `t_min < t <= t_max`.
+    /// Whether anything is hit with `t_min < t <= t_max`. See [`Tree::closest_hit`].
     pub fn any_hit(&self, ray: &Ray, counters: &mut impl Counters) -> bool {
-        self.closest_hit(ray, counters).is_some()
+        query::any_hit(self, ray, counters)
+    }
+
+    pub(crate) fn nodes(&self) -> &Nodes {
+        &self.nodes
+    }
+
+    pub(crate) fn references(&self) -> &[u32] {
+        &self.references
+    }
+
+    pub(crate) fn tolerance(&self) -> f64 {
+        self.tolerance
+    }
+}
+
+impl PartialEq for Tree {
+    fn eq(&self, other: &Tree) -> bool {
+        let bytes =
+            |tree: &Tree| with_nodes!(tree, nodes => bytemuck::cast_slice::<_, u8>(nodes).to_vec());
+        self.choice == other.choice
+            && self.params == other.params
+            && self.references == other.references
+            && self.sums == other.sums
+            && bytes(self) == bytes(other)
     }
 }

@@ -1,0 +1,93 @@
+//! What a split costs, and whether it is worth it.
+
+use super::params::{BuildParams, ObliquePricing};
+use super::sweep::Best;
+use crate::catalog::TreeSpec;
+
+/// The best candidates of a node, by the kind of node that they would make.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Contest<P> {
+    axis: Option<(P, Best)>,
+    oblique: Option<(P, Best)>,
+}
+
+/// A split, and whether it beats a leaf.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Choice<P> {
+    pub(crate) plane: P,
+    /// The split does not beat a leaf.
+    pub(crate) bad_refine: bool,
+    /// The split is so much worse than a leaf that a small node is better left alone.
+    pub(crate) hopeless: bool,
+}
+
+impl<P: Copy> Contest<P> {
+    pub(crate) fn new() -> Self {
+        Contest {
+            axis: None,
+            oblique: None,
+        }
+    }
+
+    /// Enters a candidate. The first of equals stays.
+    pub(crate) fn enter(&mut self, plane: P, is_axis: bool, best: Best) {
+        let slot = if is_axis {
+            &mut self.axis
+        } else {
+            &mut self.oblique
+        };
+        if slot.is_none_or(|(_, other)| best.expected_tests < other.expected_tests) {
+            *slot = Some((plane, best));
+        }
+    }
+
+    /// The split to make in a node of `n` triangles, priced as the tree prices; `None` where there
+    /// is no candidate.
+    pub(crate) fn decide(
+        &self,
+        spec: &TreeSpec,
+        params: &BuildParams,
+        n: usize,
+    ) -> Option<Choice<P>> {
+        let leaf_cost = params.intersection_cost * n as f64;
+        let priced = |candidate: Option<(P, Best)>, traversal_cost: f64| {
+            candidate.map(|(plane, best)| {
+                let cost = traversal_cost + params.intersection_cost * best.expected_tests;
+                (cost, plane, best)
+            })
+        };
+        // Of equals the first: axes come before other directions.
+        let cheaper = |a: Option<(f64, P, Best)>, b: Option<(f64, P, Best)>| match (a, b) {
+            (Some(a), Some(b)) if b.0 < a.0 => Some(b),
+            (a, b) => a.or(b),
+        };
+        let choice = |(_, plane, _): (f64, P, Best), lowest_cost: f64| Choice {
+            plane,
+            bad_refine: lowest_cost > leaf_cost,
+            hopeless: lowest_cost > 4.0 * leaf_cost && n < 16,
+        };
+        if !spec.axis_nodes {
+            let constant = params.oblique_traversal_cost;
+            let first = cheaper(priced(self.axis, constant), priced(self.oblique, constant))?;
+            return Some(choice(first, first.0));
+        }
+        let (ObliquePricing::Published { alpha } | ObliquePricing::Fork { alpha }) =
+            params.oblique_pricing;
+        let linear = alpha * params.intersection_cost * (n as f64 - 1.0) + params.kd_traversal_cost;
+        let first = cheaper(
+            priced(self.axis, params.kd_traversal_cost),
+            priced(self.oblique, linear),
+        )?;
+        let second = priced(self.oblique, params.oblique_traversal_cost);
+        let lowest_cost = second.map_or(first.0, |second| second.0.min(first.0));
+        let taken = match (params.oblique_pricing, second) {
+            (ObliquePricing::Published { .. }, Some(second))
+                if first.0 >= leaf_cost && second.0 < leaf_cost =>
+            {
+                second
+            }
+            _ => first,
+        };
+        Some(choice(taken, lowest_cost))
+    }
+}

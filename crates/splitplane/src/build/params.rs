@@ -1,0 +1,267 @@
+use crate::geometry::Aabb;
+
+/// How splits are priced, how ties are treated and when to stop.
+#[derive(Clone, Debug, PartialEq)]
+pub struct BuildParams {
+    /// Cost of a ray-triangle test.
+    pub intersection_cost: f64,
+    /// Cost of a visit of an axis-aligned node.
+    pub kd_traversal_cost: f64,
+    /// Cost of a visit of a node with an oblique plane.
+    pub oblique_traversal_cost: f64,
+    /// How oblique nodes are priced in trees with kd nodes.
+    pub oblique_pricing: ObliquePricing,
+    /// Fraction of the cost taken off where a child is empty, in `[0, 1]`.
+    pub empty_bonus: f64,
+    /// A node of at most this many triangles is a leaf.
+    pub max_prims: u32,
+    /// The deepest leaf's depth.
+    pub max_depth: DepthLimit,
+    /// How triangles that touch a plane are treated.
+    pub ties: Ties,
+    /// Seed of every random draw.
+    pub seed: u64,
+}
+
+/// The largest depth of a leaf, the root's being 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum DepthLimit {
+    /// `round(base + per_level · floor(log2 n))` for n triangles.
+    Log2 {
+        /// Constant part.
+        base: f64,
+        /// Per doubling of the triangles.
+        per_level: f64,
+    },
+    /// The same for any number of triangles.
+    Fixed(u32),
+}
+
+/// What happens to triangles that touch a split plane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ties {
+    /// As in the thesis: closed intervals. Of the triangles that touch the plane, those on one of
+    /// its sides go to both children; at each offset both sides are tried.
+    AsPublished,
+    /// A triangle belongs to a side only where it reaches more than a tolerance (10⁻⁶ of the
+    /// scene's diagonal) into it; one that lies in the plane goes below.
+    Tolerant,
+}
+
+/// How oblique splits compete with axis splits in trees with kd nodes [Ize2008].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum ObliquePricing {
+    /// As the thesis's text has it: with a cost linear in the number of triangles,
+    /// `alpha · C_i · (n − 1) + C_t,kd`, oblique splits compete with the axes; where the best of
+    /// all does not beat a leaf, the best oblique one at the constant cost may.
+    Published {
+        /// Ize's α.
+        alpha: f64,
+    },
+    /// As the thesis's code has it: the split by the constant cost is never taken, it only keeps
+    /// the node from counting as a bad refine.
+    Fork {
+        /// Ize's α.
+        alpha: f64,
+    },
+}
+
+impl BuildParams {
+    /// The parameters of the thesis [Hoobergs2019].
+    pub const THESIS: BuildParams = BuildParams {
+        intersection_cost: 80.0,
+        kd_traversal_cost: 1.0,
+        oblique_traversal_cost: 5.0,
+        oblique_pricing: ObliquePricing::Published { alpha: 0.1 },
+        empty_bonus: 0.0,
+        max_prims: 1,
+        max_depth: DepthLimit::Log2 {
+            base: 2.0,
+            per_level: 1.6,
+        },
+        ties: Ties::AsPublished,
+        seed: 0,
+    };
+
+    /// The deepest leaf that a tree may have, whatever the parameters: a query's stack has one
+    /// entry a level.
+    pub const MAX_DEPTH: u32 = 120;
+
+    pub(crate) fn check(&self) -> Result<(), BuildError> {
+        let alpha = match self.oblique_pricing {
+            ObliquePricing::Published { alpha } | ObliquePricing::Fork { alpha } => alpha,
+        };
+        let (base, per_level) = match self.max_depth {
+            DepthLimit::Log2 { base, per_level } => (base, per_level),
+            DepthLimit::Fixed(_) => (0.0, 0.0),
+        };
+        for (name, value, limit) in [
+            ("intersection_cost", self.intersection_cost, f64::MAX),
+            ("kd_traversal_cost", self.kd_traversal_cost, f64::MAX),
+            (
+                "oblique_traversal_cost",
+                self.oblique_traversal_cost,
+                f64::MAX,
+            ),
+            ("oblique_pricing.alpha", alpha, f64::MAX),
+            ("empty_bonus", self.empty_bonus, 1.0),
+            ("max_depth.base", base, f64::MAX),
+            ("max_depth.per_level", per_level, f64::MAX),
+        ] {
+            if !(0.0..=limit).contains(&value) {
+                return Err(BuildError::Parameter { name, value, limit });
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Default for BuildParams {
+    /// The thesis's costs and limits, with ties treated tolerantly.
+    fn default() -> Self {
+        BuildParams {
+            ties: Ties::Tolerant,
+            ..BuildParams::THESIS
+        }
+    }
+}
+
+impl DepthLimit {
+    /// The limit for that many triangles; never more than [`BuildParams::MAX_DEPTH`].
+    pub fn for_triangles(self, triangles: usize) -> u32 {
+        let depth = match self {
+            DepthLimit::Log2 { base, per_level } => {
+                let log2 = triangles.max(1).ilog2();
+                (base + per_level * f64::from(log2)).round() as u32
+            }
+            DepthLimit::Fixed(depth) => depth,
+        };
+        depth.min(BuildParams::MAX_DEPTH)
+    }
+}
+
+impl Ties {
+    /// How far a triangle must reach beyond a plane to count as there, in scene units.
+    pub(crate) fn tolerance(self, bounds: &Aabb) -> f32 {
+        match self {
+            Ties::AsPublished => 0.0,
+            // Projections of coordinates as large as `reach` are rounded to multiples of up to
+            // ε · reach; what differs by less is the same place.
+            Ties::Tolerant => (1e-6 * bounds.diagonal()).max(2.0 * f32::EPSILON * bounds.reach()),
+        }
+    }
+
+    /// The offset of a point along a direction.
+    ///
+    /// `AsPublished` projects with plain f32 multiplications and additions, as the thesis's code
+    /// was compiled: which triangles touch a plane depends on that rounding. Otherwise the offset
+    /// is computed in f64 and rounded once.
+    #[inline(always)]
+    pub(crate) fn project(self, direction: [f32; 3], p: [f32; 3]) -> f32 {
+        match self {
+            Ties::AsPublished => (direction[0] * p[0] + direction[1] * p[1]) + direction[2] * p[2],
+            Ties::Tolerant => {
+                let term = |i: usize| f64::from(direction[i]) * f64::from(p[i]);
+                ((term(0) + term(1)) + term(2)) as f32
+            }
+        }
+    }
+
+    /// The most that [`Ties::project`] is off, for points whose coordinates are at most `reach`
+    /// [Higham2002, 3.1]: γ₃ · √3 · reach and, rounded once, a half unit in the last place of a
+    /// number of at most √3 · reach.
+    pub(crate) fn projection_error(self, reach: f32) -> f64 {
+        let unit = f64::from(f32::EPSILON) / 2.0;
+        let roundings = match self {
+            Ties::AsPublished => 3.01,
+            Ties::Tolerant => 1.01,
+        };
+        roundings * unit * 3f64.sqrt() * f64::from(reach)
+    }
+}
+
+/// Why a tree could not be built.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum BuildError {
+    /// A parameter out of range.
+    #[error("{name} is {value}; it must be {}", range(*limit))]
+    Parameter {
+        /// The parameter.
+        name: &'static str,
+        /// Its value.
+        value: f64,
+        /// The largest value it may have.
+        limit: f64,
+    },
+    /// More nodes or references than a node has bits for.
+    #[error("the tree has {count} {what}; its nodes can address {limit}")]
+    TooLarge {
+        /// "nodes" or "references".
+        what: &'static str,
+        /// How many there are.
+        count: usize,
+        /// How many there may be.
+        limit: usize,
+    },
+}
+
+fn range(limit: f64) -> String {
+    if limit == f64::MAX {
+        "finite and not negative".to_owned()
+    } else {
+        format!("between 0 and {limit}")
+    }
+}
+
+/// What a build found, beyond the tree itself.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct BuildStats {
+    /// Nodes that were split although no split beat a leaf.
+    pub bad_refines: u64,
+    /// Split candidates: events strictly inside their cell.
+    pub candidates: u64,
+    /// Splits whose cells kept the shape of their parent's because it was too thin to be cut.
+    pub uncut_cells: u64,
+}
+
+impl std::ops::AddAssign for BuildStats {
+    fn add_assign(&mut self, other: BuildStats) {
+        self.bad_refines += other.bad_refines;
+        self.candidates += other.candidates;
+        self.uncut_cells += other.uncut_cells;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_thesis_stops_at_its_depths() {
+        let limit = BuildParams::THESIS.max_depth;
+        assert_eq!(
+            [33_264, 8_316, 143_163].map(|n| limit.for_triangles(n)),
+            [26, 23, 29]
+        );
+        assert_eq!(limit.for_triangles(0), 2);
+        assert_eq!(
+            DepthLimit::Fixed(9999).for_triangles(8),
+            BuildParams::MAX_DEPTH
+        );
+    }
+
+    #[test]
+    fn parameters_out_of_range_are_named() {
+        let params = BuildParams {
+            empty_bonus: 1.5,
+            ..BuildParams::THESIS
+        };
+        let error = params.check().unwrap_err().to_string();
+        assert_eq!(error, "empty_bonus is 1.5; it must be between 0 and 1");
+        let params = BuildParams {
+            intersection_cost: f64::NAN,
+            ..BuildParams::THESIS
+        };
+        assert!(params.check().is_err());
+    }
+}

@@ -1,0 +1,75 @@
+//! On which side of a plane a triangle is: one predicate, for the sweep and for the partition.
+
+/// A plane's offset along its direction, with what becomes of the triangles that touch it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Boundary {
+    pub(crate) offset: f32,
+    pub(crate) touching: Touching,
+}
+
+/// What becomes of triangles that touch a plane.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum Touching {
+    /// They are above.
+    Above,
+    /// They are below.
+    Below,
+    /// They are where they reach further than this.
+    Tolerated(f32),
+}
+
+impl Boundary {
+    /// Whether a triangle with this extent along the direction is below, and whether it is above.
+    /// It is on one side at least; on one only if it is flat.
+    #[inline(always)]
+    pub(crate) fn sides(&self, (min, max): (f32, f32)) -> (bool, bool) {
+        let t = self.offset;
+        match self.touching {
+            Touching::Above => (min < t, max >= t),
+            Touching::Below => (min <= t, max > t),
+            Touching::Tolerated(tolerance) => {
+                let above = max - tolerance > t;
+                match is_flat((min, max), tolerance) {
+                    true => (!above, above),
+                    false => (min + tolerance < t, above),
+                }
+            }
+        }
+    }
+}
+
+/// Whether an extent is too short to reach beyond the tolerance on two sides of a plane.
+#[inline(always)]
+pub(crate) fn is_flat((min, max): (f32, f32), tolerance: f32) -> bool {
+    min + tolerance >= max - tolerance
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #![proptest_config(crate::testing::cases(1_000))]
+
+        #[test]
+        fn every_triangle_is_on_a_side_and_a_flat_one_on_one(
+            min in -2.0f32..2.0,
+            length in prop_oneof![Just(0.0f32), 0.0f32..1e-5, 0.0f32..2.0],
+            offset in prop_oneof![-2.5f32..2.5, Just(f32::NAN)],
+            on in 0usize..4,
+            tolerance in prop_oneof![Just(1e-6f32), Just(0.1), Just(0.0)],
+        ) {
+            let max = min + length;
+            let offset = [offset, min, max, min + tolerance][on];
+            prop_assume!(!offset.is_nan());
+            for touching in [Touching::Above, Touching::Below, Touching::Tolerated(tolerance)] {
+                let (below, above) = Boundary { offset, touching }.sides((min, max));
+                prop_assert!(below || above, "{touching:?}");
+                if min == max {
+                    prop_assert!(below != above, "{touching:?}");
+                }
+            }
+        }
+    }
+}

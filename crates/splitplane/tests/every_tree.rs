@@ -1,0 +1,334 @@
+//! Every tree, on scenes that are hard in different ways, against testing every triangle.
+
+use splitplane::{BuildParams, Counts, DepthLimit, Hit, Mesh, Ray, TREES, Ties, Tree, TreeChoice};
+
+/// A small generator of random numbers (xorshift), so that scenes are the same everywhere.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f32 {
+        self.0 ^= self.0 << 13;
+        self.0 ^= self.0 >> 7;
+        self.0 ^= self.0 << 17;
+        (self.0 >> 40) as f32 / (1u64 << 24) as f32
+    }
+
+    fn point(&mut self, size: f32) -> [f32; 3] {
+        std::array::from_fn(|_| (self.next() - 0.5) * size)
+    }
+}
+
+fn soup(count: usize, size: f32) -> Mesh {
+    let mut random = Random(1);
+    let mut positions = Vec::new();
+    for _ in 0..count {
+        let center = random.point(2.0);
+        for _ in 0..3 {
+            let offset = random.point(size);
+            positions.push(std::array::from_fn(|i| center[i] + offset[i]));
+        }
+    }
+    let triangles = (0..count as u32)
+        .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+        .collect();
+    Mesh::new(positions, triangles).unwrap()
+}
+
+/// A sphere of latitudes and longitudes, closed.
+fn sphere(rings: u32) -> Mesh {
+    let segments = 2 * rings;
+    let mut positions = vec![[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
+    for ring in 1..rings {
+        let polar = std::f32::consts::PI * ring as f32 / rings as f32;
+        for segment in 0..segments {
+            let azimuth = std::f32::consts::TAU * segment as f32 / segments as f32;
+            positions.push([
+                polar.sin() * azimuth.cos(),
+                polar.sin() * azimuth.sin(),
+                polar.cos(),
+            ]);
+        }
+    }
+    let at = |ring: u32, segment: u32| 2 + (ring - 1) * segments + segment % segments;
+    let mut triangles = Vec::new();
+    for segment in 0..segments {
+        triangles.push([0, at(1, segment), at(1, segment + 1)]);
+        triangles.push([1, at(rings - 1, segment + 1), at(rings - 1, segment)]);
+        for ring in 1..rings - 1 {
+            let (a, b) = (at(ring, segment), at(ring, segment + 1));
+            let (c, d) = (at(ring + 1, segment), at(ring + 1, segment + 1));
+            triangles.extend([[a, c, d], [a, d, b]]);
+        }
+    }
+    Mesh::new(positions, triangles).unwrap()
+}
+
+/// A flat grid in the plane z = 0.25: planes that contain many triangles, and a scene without
+/// volume.
+fn coplanar(side: u32) -> Mesh {
+    let positions = (0..=side)
+        .flat_map(|y| (0..=side).map(move |x| [x as f32, y as f32, 0.25]))
+        .collect();
+    let at = |x: u32, y: u32| y * (side + 1) + x;
+    let triangles = (0..side)
+        .flat_map(|y| (0..side).map(move |x| (x, y)))
+        .flat_map(|(x, y)| {
+            let (a, b, c, d) = (at(x, y), at(x + 1, y), at(x, y + 1), at(x + 1, y + 1));
+            [[a, b, d], [a, d, c]]
+        })
+        .collect();
+    Mesh::new(positions, triangles).unwrap()
+}
+
+/// The same few triangles many times: ties in t everywhere.
+fn duplicates(copies: usize) -> Mesh {
+    let few = soup(4, 1.5);
+    let triangles = few.triangles().repeat(copies);
+    Mesh::new(few.positions().to_vec(), triangles).unwrap()
+}
+
+/// Long thin triangles in all directions.
+fn needles(count: usize) -> Mesh {
+    let mut random = Random(3);
+    let mut positions = Vec::new();
+    for _ in 0..count {
+        let (a, b) = (random.point(2.0), random.point(2.0));
+        let side = random.point(0.01);
+        positions.extend([a, b, std::array::from_fn(|i| b[i] + side[i])]);
+    }
+    let triangles = (0..count as u32)
+        .map(|i| [3 * i, 3 * i + 1, 3 * i + 2])
+        .collect();
+    Mesh::new(positions, triangles).unwrap()
+}
+
+/// A soup far from the origin, where coordinates are coarse.
+fn far_away(count: usize) -> Mesh {
+    let near = soup(count, 0.7);
+    let positions = near
+        .positions()
+        .iter()
+        .map(|p| [p[0] + 148_376.0, p[1] + 1_234.0, p[2] - 223_423.0])
+        .collect();
+    Mesh::new(positions, near.triangles().to_vec()).unwrap()
+}
+
+fn scenes() -> Vec<(&'static str, Mesh)> {
+    vec![
+        ("soup", soup(150, 0.8)),
+        ("sphere", sphere(8)),
+        ("coplanar", coplanar(7)),
+        ("duplicates", duplicates(20)),
+        ("one", soup(1, 1.0)),
+        ("none", Mesh::new(vec![], vec![]).unwrap()),
+        ("needles", needles(100)),
+        ("far away", far_away(80)),
+    ]
+}
+
+/// Rays at random, and rays that are hard: at vertices and edges, along axes and planes, from
+/// vertices, with a short interval.
+fn rays(mesh: &Mesh) -> Vec<Ray> {
+    let mut random = Random(7);
+    let bounds = mesh.bounds();
+    let (center, size) = if bounds.is_empty() {
+        ([0.0; 3], 2.0)
+    } else {
+        (bounds.center(), bounds.diagonal())
+    };
+    let near = |random: &mut Random| {
+        let offset = random.point(2.0 * size);
+        std::array::from_fn(|i| center[i] + offset[i])
+    };
+    let towards = |origin: [f32; 3], target: [f32; 3]| {
+        Ray::new(origin, std::array::from_fn(|i| target[i] - origin[i]))
+    };
+    let mut rays = Vec::new();
+    for _ in 0..300 {
+        let (a, b) = (near(&mut random), near(&mut random));
+        rays.push(towards(a, b));
+    }
+    for &triangle in mesh.usable_triangles().iter().step_by(3) {
+        let [a, b, c] = mesh.corners(triangle);
+        let origin = near(&mut random);
+        let middle = std::array::from_fn(|i| 0.5 * (a[i] + b[i]));
+        rays.push(towards(origin, a));
+        rays.push(towards(origin, middle));
+        rays.push(towards(a, c));
+        rays.push(Ray {
+            t_min: 0.25,
+            t_max: 0.75,
+            ..towards(origin, b)
+        });
+        for axis in 0..3 {
+            let mut direction = [0.0; 3];
+            direction[axis] = if random.next() < 0.5 { 1.0 } else { -1.0 };
+            direction[(axis + 1) % 3] = -0.0;
+            let mut start = a;
+            start[axis] -= 1.5 * size * direction[axis];
+            rays.push(Ray::new(start, direction));
+            rays.push(Ray::new(middle, direction));
+            direction[(axis + 1) % 3] = 1e-40;
+            rays.push(Ray::new(start, direction));
+        }
+    }
+    rays
+}
+
+/// The tree without splits: one leaf with everything.
+fn brute_force(mesh: &Mesh) -> Tree {
+    let params = BuildParams {
+        max_depth: DepthLimit::Fixed(0),
+        ..BuildParams::THESIS
+    };
+    Tree::build(mesh, "kd".parse().unwrap(), &params).unwrap()
+}
+
+fn choices() -> Vec<TreeChoice> {
+    TREES
+        .iter()
+        .flat_map(|spec| match spec.direction_counts() {
+            None => vec![TreeChoice::new(spec.name, None).unwrap()],
+            Some((min, _)) => [min, min + 3, 13]
+                .map(|k| TreeChoice::new(spec.name, Some(k)).unwrap())
+                .to_vec(),
+        })
+        .collect()
+}
+
+fn params() -> [BuildParams; 2] {
+    [Ties::AsPublished, Ties::Tolerant].map(|ties| BuildParams {
+        ties,
+        seed: 5,
+        ..BuildParams::THESIS
+    })
+}
+
+fn bits(hit: Option<Hit>) -> Option<(u32, u32, u32, u32)> {
+    hit.map(|h| (h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.triangle))
+}
+
+#[test]
+fn every_tree_gives_the_hits_of_brute_force_bit_for_bit() {
+    for (scene, mesh) in scenes() {
+        let brute = brute_force(&mesh);
+        let rays = rays(&mesh);
+        let expected: Vec<_> = rays
+            .iter()
+            .map(|ray| brute.closest_hit(ray, &mut ()))
+            .collect();
+        if mesh.triangles().len() > 1 {
+            let hits = expected.iter().flatten().count();
+            assert!(
+                10 * hits > rays.len(),
+                "{scene}: {hits} hits of {} rays test little",
+                rays.len()
+            );
+        }
+        for choice in choices() {
+            for params in params() {
+                let tree = Tree::build(&mesh, choice, &params).unwrap();
+                for (ray, expected) in rays.iter().zip(&expected) {
+                    let hit = tree.closest_hit(ray, &mut ());
+                    assert_eq!(
+                        bits(hit),
+                        bits(*expected),
+                        "{choice} ({:?}) on {scene}: {ray:?} gives {hit:?}, not {expected:?}",
+                        params.ties
+                    );
+                    let any = tree.any_hit(ray, &mut ());
+                    assert_eq!(
+                        any,
+                        expected.is_some(),
+                        "{choice} on {scene}: any hit of {ray:?}"
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_tree_keeps_its_promises() {
+    for (scene, mesh) in scenes() {
+        for choice in choices() {
+            for params in params() {
+                let tree = Tree::build(&mesh, choice, &params).unwrap();
+                if let Err(error) = tree.validate() {
+                    panic!("{choice} ({:?}) on {scene}: {error}", params.ties);
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn counting_never_changes_a_hit_and_the_counts_add_up() {
+    let mesh = soup(200, 0.6);
+    for choice in choices() {
+        let tree = Tree::build(&mesh, choice, &BuildParams::THESIS).unwrap();
+        for ray in rays(&mesh) {
+            let mut counts = Counts::default();
+            let counted = tree.closest_hit(&ray, &mut counts);
+            assert_eq!(bits(counted), bits(tree.closest_hit(&ray, &mut ())));
+            if counted.is_some() {
+                assert!(
+                    counts.triangle_tests > 0 && counts.leaf_visits > 0,
+                    "{choice}"
+                );
+            }
+            if choice.spec.axis_nodes && choice.direction_count.is_none() {
+                assert_eq!(counts.oblique_visits, 0);
+            }
+        }
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_tree_at_any_number_of_threads() {
+    // More triangles than are built by one thread alone.
+    let mesh = soup(20_000, 0.05);
+    for choice in choices() {
+        let build = |threads| {
+            let pool = rayon::ThreadPoolBuilder::new()
+                .num_threads(threads)
+                .build()
+                .unwrap();
+            pool.install(|| Tree::build(&mesh, choice, &BuildParams::THESIS).unwrap())
+        };
+        let (one, two, again) = (build(1), build(2), build(2));
+        assert!(one == two && two == again, "{choice} depends on threads");
+    }
+}
+
+#[test]
+fn another_seed_gives_another_tree_where_draws_are_random() {
+    let mesh = sphere(20);
+    let build = |seed| {
+        let params = BuildParams {
+            seed,
+            ..BuildParams::THESIS
+        };
+        Tree::build(&mesh, "wn+kd:6".parse().unwrap(), &params).unwrap()
+    };
+    assert!(build(1) != build(2));
+}
+
+#[test]
+fn rays_that_are_no_rays_miss() {
+    let mesh = sphere(8);
+    let tree = Tree::build(&mesh, "wn+kd:6".parse().unwrap(), &BuildParams::default()).unwrap();
+    for broken in [f32::NAN, f32::INFINITY] {
+        for ray in [
+            Ray::new([broken, 0.0, 0.0], [0.0, 0.0, 1.0]),
+            Ray::new([0.0; 3], [0.0, broken, 1.0]),
+        ] {
+            assert_eq!(tree.closest_hit(&ray, &mut ()), None);
+            assert!(!tree.any_hit(&ray, &mut ()));
+        }
+    }
+    assert_eq!(
+        tree.closest_hit(&Ray::new([0.0; 3], [0.0; 3]), &mut ()),
+        None
+    );
+}
