@@ -30,8 +30,14 @@ pub struct TreeSpec {
 pub enum Directions {
     /// None.
     None,
+    /// A fixed set for the whole tree.
+    Fixed,
+    /// Random ones, drawn afresh in every node.
+    Random,
     /// Normals of distinct triangles of the node, picked at random.
     SampledNormals,
+    /// Centres of clusters of the normals of the node's triangles.
+    ClusteredNormals,
 }
 
 /// The trees that can be built.
@@ -47,6 +53,96 @@ pub static TREES: &[TreeSpec] = &[
         summary: "SAH kd-tree: the three axes, swept [WaldHavran2006]",
     },
     TreeSpec {
+        name: "rbsp",
+        thesis_name: "RBSP",
+        pbrt_name: "rbsp",
+        axes: false,
+        directions: Directions::Fixed,
+        triangle_planes: false,
+        axis_nodes: false,
+        summary: "k fixed directions for the whole tree [KammajeMora2007]",
+    },
+    TreeSpec {
+        name: "rbsp-kd",
+        thesis_name: "RBSP^Kd",
+        pbrt_name: "rbspkd",
+        axes: true,
+        directions: Directions::Fixed,
+        triangle_planes: false,
+        axis_nodes: true,
+        summary: "the same, the axes among them; axis nodes are kd nodes [Budge2008]",
+    },
+    TreeSpec {
+        name: "ize",
+        thesis_name: "BSP_IZE",
+        pbrt_name: "bsppaper",
+        axes: true,
+        directions: Directions::None,
+        triangle_planes: true,
+        axis_nodes: false,
+        summary: "the axes, and four planes per triangle: its own and one through each edge [Ize2008]",
+    },
+    TreeSpec {
+        name: "ize-kd",
+        thesis_name: "BSP_IZE^Kd",
+        pbrt_name: "bsppaperkd",
+        axes: true,
+        directions: Directions::None,
+        triangle_planes: true,
+        axis_nodes: true,
+        summary: "the same; axis nodes are kd nodes [Ize2008]",
+    },
+    TreeSpec {
+        name: "random",
+        thesis_name: "BSP_random",
+        pbrt_name: "bsprandom",
+        axes: false,
+        directions: Directions::Random,
+        triangle_planes: false,
+        axis_nodes: false,
+        summary: "k random directions in each node [Hoobergs2019]",
+    },
+    TreeSpec {
+        name: "random+",
+        thesis_name: "BSP_random+",
+        pbrt_name: "bsprandomwithkd",
+        axes: true,
+        directions: Directions::Random,
+        triangle_planes: false,
+        axis_nodes: false,
+        summary: "the axes and k-3 random directions in each node [Hoobergs2019]",
+    },
+    TreeSpec {
+        name: "random+kd",
+        thesis_name: "BSP_random+^Kd",
+        pbrt_name: "bsprandomfastkd",
+        axes: true,
+        directions: Directions::Random,
+        triangle_planes: false,
+        axis_nodes: true,
+        summary: "the same; axis nodes are kd nodes [Hoobergs2019]",
+    },
+    TreeSpec {
+        name: "wn",
+        thesis_name: "BSP_wn",
+        pbrt_name: "bsparbitrary",
+        axes: false,
+        directions: Directions::SampledNormals,
+        triangle_planes: false,
+        axis_nodes: false,
+        summary: "the normals of k random triangles of each node [Hoobergs2019]",
+    },
+    TreeSpec {
+        name: "wn+",
+        thesis_name: "BSP_wn+",
+        pbrt_name: "bsparbitrarywithkd",
+        axes: true,
+        directions: Directions::SampledNormals,
+        triangle_planes: false,
+        axis_nodes: false,
+        summary: "the axes and the normals of k-3 random triangles of each node [Hoobergs2019]",
+    },
+    TreeSpec {
         name: "wn+kd",
         thesis_name: "BSP_wn+^Kd",
         pbrt_name: "bsparbitraryfastkd",
@@ -54,7 +150,37 @@ pub static TREES: &[TreeSpec] = &[
         directions: Directions::SampledNormals,
         triangle_planes: false,
         axis_nodes: true,
-        summary: "the axes and k-3 random normals of the node's triangles; axis nodes are kd nodes [Hoobergs2019]",
+        summary: "the same; axis nodes are kd nodes [Hoobergs2019]",
+    },
+    TreeSpec {
+        name: "cn",
+        thesis_name: "BSP_cn",
+        pbrt_name: "bspcluster",
+        axes: false,
+        directions: Directions::ClusteredNormals,
+        triangle_planes: false,
+        axis_nodes: false,
+        summary: "the centres of k clusters of each node's normals [Hoobergs2019]",
+    },
+    TreeSpec {
+        name: "cn+",
+        thesis_name: "BSP_cn+",
+        pbrt_name: "bspclusterwithkd",
+        axes: true,
+        directions: Directions::ClusteredNormals,
+        triangle_planes: false,
+        axis_nodes: false,
+        summary: "the axes and the centres of k-3 clusters of each node's normals [Hoobergs2019]",
+    },
+    TreeSpec {
+        name: "cn+kd",
+        thesis_name: "BSP_cn+^Kd",
+        pbrt_name: "bspclusterfastkd",
+        axes: true,
+        directions: Directions::ClusteredNormals,
+        triangle_planes: false,
+        axis_nodes: true,
+        summary: "the same; axis nodes are kd nodes [Hoobergs2019]",
     },
 ];
 
@@ -206,7 +332,9 @@ impl Directions {
     fn default_count(self) -> u32 {
         match self {
             Directions::None => 3,
-            Directions::SampledNormals => 6,
+            Directions::Fixed => 13,
+            Directions::Random => 10,
+            Directions::SampledNormals | Directions::ClusteredNormals => 6,
         }
     }
 }

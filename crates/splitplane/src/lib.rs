@@ -30,7 +30,7 @@ mod geometry;
 mod query;
 mod tree;
 
-pub use build::{BuildError, BuildParams, BuildStats, DepthLimit, ObliquePricing, Ties};
+pub use build::{BuildError, BuildParams, BuildStats, DepthLimit, ObliquePricing, Ties, Wins};
 pub use catalog::{Directions, ParseTreeError, TREES, TreeChoice, TreeSpec};
 pub use geometry::{Aabb, Mesh, MeshError, Ray, Skipped};
 pub use query::{Counters, Counts, Hit};

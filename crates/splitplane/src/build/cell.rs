@@ -50,7 +50,7 @@ impl Cell {
 
     /// Both parts of the cell; `None` where it is too thin to be cut.
     pub(crate) fn cut(&self, plane: &SplitPlane) -> Option<(Cell, Cell)> {
-        match (self, plane.axis) {
+        match (self, plane.axis()) {
             (Cell::Box(aabb), Some(axis)) => {
                 let (mut below, mut above) = (*aabb, *aabb);
                 below.max[axis] = plane.boundary.offset;
@@ -129,7 +129,7 @@ impl<'a> Profile<'a> {
     /// The areas of `polytope` under planes along `direction`, for about `queries` offsets.
     pub(crate) fn of_polytope(polytope: &'a Polytope, direction: DVec3, queries: usize) -> Self {
         let slicer = polytope.slicer(direction);
-        let (low, high) = slicer.extent();
+        let (low, high) = slicer.inside();
         let vertices = polytope.vertices().len();
         // A piece costs three queries, and there are hardly fewer pieces than vertices.
         let pieces = if queries <= 2 * vertices {
@@ -149,8 +149,8 @@ impl<'a> Profile<'a> {
         }
     }
 
-    /// The cell's extent along the direction.
-    pub(crate) fn extent(&self) -> (f64, f64) {
+    /// The offsets of planes that pass through the inside of the cell: between these two.
+    pub(crate) fn inside(&self) -> (f64, f64) {
         (self.low, self.high)
     }
 

@@ -2,12 +2,14 @@
 
 use super::cell::{Cell, Profile};
 use super::cost::{Choice, Contest};
-use super::params::{BuildParams, BuildStats, Ties};
+use super::params::{BuildParams, BuildStats, Ties, Wins};
 use super::sweep::Events;
-use super::ties::Boundary;
-use crate::catalog::TreeChoice;
-use crate::directions::{self, NodeView, Random};
+use super::ties::{Boundary, Touching};
+use super::triangle_planes::{self, Counter};
+use crate::catalog::{Directions, TreeChoice};
+use crate::directions::{self, NodeView, Random, fixed};
 use crate::geometry::Mesh;
+use crate::geometry::polytope::Polytope;
 
 /// Subtrees with at least this many triangles are built in parallel.
 const PARALLEL_FROM: usize = 4096;
@@ -20,51 +22,71 @@ const AXES: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
 /// A plane that splits a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct SplitPlane {
-    /// The axis, where the plane comes from one.
-    pub(crate) axis: Option<usize>,
     pub(crate) normal: [f32; 3],
     pub(crate) boundary: Boundary,
+    pub(crate) origin: Origin,
 }
 
-/// A node in depth-first order; the child below follows its parent.
+/// What a plane came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Origin {
+    Axis,
+    /// The tree's fixed direction of this index.
+    Fixed(u8),
+    /// A direction of the node.
+    Direction,
+    Triangle,
+    Edge,
+}
+
+impl SplitPlane {
+    /// The plane is across an axis that was a candidate as such.
+    pub(crate) fn is_axis(&self) -> bool {
+        match self.origin {
+            Origin::Axis => true,
+            Origin::Fixed(_) => self.axis().is_some(),
+            _ => false,
+        }
+    }
+
+    /// The axis that the plane is across, wherever it came from.
+    pub(crate) fn axis(&self) -> Option<usize> {
+        AXES.iter().position(|&axis| axis == self.normal)
+    }
+}
+
+/// A node in depth-first order; the child below follows its parent. `area` is that of its cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum BuiltNode {
     Interior {
         plane: SplitPlane,
         /// How many nodes after this one the child above comes.
         above: usize,
+        area: f64,
     },
     /// The next `count` of the references.
-    Leaf { count: usize },
+    Leaf { count: usize, area: f64 },
 }
 
-/// What the loop gives: nodes, references and sums over them.
+/// What the loop gives.
 #[derive(Debug, Default)]
 pub(crate) struct Built {
     pub(crate) nodes: Vec<BuiltNode>,
     pub(crate) references: Vec<u32>,
-    pub(crate) sums: Sums,
-}
-
-/// Sums over a subtree. They are added up in the shape of the tree, so that they do not depend on
-/// who built what.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Sums {
-    /// Areas of the cells of axis-aligned interior nodes.
-    pub(crate) axis_area: f64,
-    /// Areas of the cells of the other interior nodes.
-    pub(crate) oblique_area: f64,
-    /// Areas of the cells of leaves, times their triangles.
-    pub(crate) leaf_area: f64,
     pub(crate) stats: BuildStats,
+    /// The directions of the whole tree, where it has such.
+    pub(crate) fixed: Vec<[f32; 3]>,
 }
 
-impl std::ops::AddAssign for Sums {
-    fn add_assign(&mut self, other: Sums) {
-        self.axis_area += other.axis_area;
-        self.oblique_area += other.oblique_area;
-        self.leaf_area += other.leaf_area;
-        self.stats += other.stats;
+impl Built {
+    /// Appends a subtree that was built by itself.
+    fn append(&mut self, mut subtree: Built) {
+        self.nodes.append(&mut subtree.nodes);
+        self.references.append(&mut subtree.references);
+        // Wins are counted when all is built.
+        self.stats.bad_refines += subtree.stats.bad_refines;
+        self.stats.candidates += subtree.stats.candidates;
+        self.stats.uncut_cells += subtree.stats.uncut_cells;
     }
 }
 
@@ -88,6 +110,8 @@ struct Scratch {
 struct Builder<'a> {
     mesh: &'a Mesh,
     normals: Vec<[f32; 3]>,
+    /// The directions of the whole tree, where it has such.
+    fixed: Vec<[f32; 3]>,
     choice: TreeChoice,
     params: &'a BuildParams,
     max_depth: u32,
@@ -104,6 +128,13 @@ pub(crate) fn grow(mesh: &Mesh, choice: TreeChoice, params: &BuildParams) -> Bui
         normals: (0..mesh.triangles().len() as u32)
             .map(|i| mesh.normal(i))
             .collect(),
+        fixed: match choice.spec.directions {
+            Directions::Fixed => fixed::directions(
+                choice.direction_count.unwrap_or_default() as usize,
+                choice.spec.axes,
+            ),
+            _ => Vec::new(),
+        },
         choice,
         params,
         max_depth: params.max_depth.for_triangles(triangles.len()),
@@ -113,10 +144,6 @@ pub(crate) fn grow(mesh: &Mesh, choice: TreeChoice, params: &BuildParams) -> Bui
         },
     };
     let mut built = Built::default();
-    if triangles.is_empty() {
-        built.nodes.push(BuiltNode::Leaf { count: 0 });
-        return built;
-    }
     let root = Node {
         triangles,
         cell: Cell::Box(bounds),
@@ -124,77 +151,76 @@ pub(crate) fn grow(mesh: &Mesh, choice: TreeChoice, params: &BuildParams) -> Bui
         bad_refines: 0,
         path: Random::new(params.seed).next(),
     };
-    built.sums = builder.grow(
-        root,
-        &mut built.nodes,
-        &mut built.references,
-        &mut Scratch::default(),
-    );
+    builder.grow(root, &mut built, &mut Scratch::default());
+    built.stats.wins = wins(&built.nodes);
+    built.fixed = builder.fixed;
     built
 }
 
-impl Builder<'_> {
-    /// Appends the subtree of `node` and gives its sums.
-    fn grow(
-        &self,
-        node: Node,
-        nodes: &mut Vec<BuiltNode>,
-        references: &mut Vec<u32>,
-        scratch: &mut Scratch,
-    ) -> Sums {
-        let area = node.cell.surface_area();
-        let mut sums = Sums::default();
-        let Some(choice) = self.split(&node, scratch, &mut sums.stats) else {
-            sums.leaf_area = area * node.triangles.len() as f64;
-            nodes.push(BuiltNode::Leaf {
-                count: node.triangles.len(),
-            });
-            references.extend_from_slice(&node.triangles);
-            return sums;
-        };
-        let plane = choice.plane;
-        *(if plane.axis.is_some() {
-            &mut sums.axis_area
-        } else {
-            &mut sums.oblique_area
-        }) = area;
-        sums.stats.bad_refines = u64::from(choice.bad_refine);
-        let (below, above, uncut) = self.children(node, &choice);
-        sums.stats.uncut_cells = u64::from(uncut);
-
-        let at = nodes.len();
-        nodes.push(BuiltNode::Interior { plane, above: 0 });
-        let (sums_below, sums_above);
-        if below.triangles.len().min(above.triangles.len()) < PARALLEL_FROM {
-            sums_below = self.grow(below, nodes, references, scratch);
-            nodes[at] = BuiltNode::Interior {
-                plane,
-                above: nodes.len() - at,
-            };
-            sums_above = self.grow(above, nodes, references, scratch);
-        } else {
-            let mut other = Built::default();
-            (sums_below, sums_above) = rayon::join(
-                || self.grow(below, nodes, references, scratch),
-                || {
-                    self.grow(
-                        above,
-                        &mut other.nodes,
-                        &mut other.references,
-                        &mut Scratch::default(),
-                    )
-                },
-            );
-            nodes[at] = BuiltNode::Interior {
-                plane,
-                above: nodes.len() - at,
-            };
-            nodes.append(&mut other.nodes);
-            references.append(&mut other.references);
+fn wins(nodes: &[BuiltNode]) -> Wins {
+    let mut wins = Wins::default();
+    for node in nodes {
+        if let BuiltNode::Interior { plane, .. } = node {
+            *match plane.origin {
+                _ if plane.is_axis() => &mut wins.axis,
+                Origin::Axis | Origin::Fixed(_) | Origin::Direction => &mut wins.direction,
+                Origin::Triangle => &mut wins.triangle,
+                Origin::Edge => &mut wins.edge,
+            } += 1;
         }
-        sums += sums_below;
-        sums += sums_above;
-        sums
+    }
+    wins
+}
+
+impl Builder<'_> {
+    /// Appends the subtree of `node`.
+    fn grow(&self, node: Node, built: &mut Built, scratch: &mut Scratch) {
+        let area = if node.triangles.is_empty() {
+            0.0
+        } else {
+            node.cell.surface_area()
+        };
+        let Some(choice) = self.split(&node, scratch, &mut built.stats) else {
+            built.nodes.push(BuiltNode::Leaf {
+                count: node.triangles.len(),
+                area,
+            });
+            built.references.extend_from_slice(&node.triangles);
+            return;
+        };
+        let (below, above) = self.children(node, &choice, &mut built.stats);
+        let at = built.nodes.len();
+        let plane = choice.plane;
+        built.nodes.push(BuiltNode::Interior {
+            plane,
+            above: 0,
+            area,
+        });
+        let mut other = None;
+        if below.triangles.len().min(above.triangles.len()) < PARALLEL_FROM {
+            self.grow(below, built, scratch);
+            let end = built.nodes.len() - at;
+            self.grow(above, built, scratch);
+            built.nodes[at] = BuiltNode::Interior {
+                plane,
+                above: end,
+                area,
+            };
+        } else {
+            let other = other.insert(Built::default());
+            rayon::join(
+                || self.grow(below, built, scratch),
+                || self.grow(above, other, &mut Scratch::default()),
+            );
+            built.nodes[at] = BuiltNode::Interior {
+                plane,
+                above: built.nodes.len() - at,
+                area,
+            };
+        }
+        if let Some(other) = other {
+            built.append(other);
+        }
     }
 
     /// The split of a node; `None` where it is to be a leaf.
@@ -217,71 +243,137 @@ impl Builder<'_> {
 
     /// All candidates of a node.
     fn contest(&self, node: &Node, scratch: &mut Scratch) -> (Contest<SplitPlane>, u64) {
+        let spec = self.choice.spec;
         let mut contest = Contest::new();
         let mut candidates = 0;
-        let mut polytope = None;
-        let mut sweep = |axis: Option<usize>, normal: [f32; 3]| {
-            let mut profile = match axis.and_then(|axis| node.cell.box_profile(axis)) {
-                Some(profile) => profile,
-                None => {
-                    let polytope = &**polytope.get_or_insert_with(|| node.cell.to_polytope());
-                    let direction = glam::Vec3::from(normal).as_dvec3();
-                    // The borrow ends with the sweep; only the first direction makes the polytope.
-                    Profile::of_polytope(polytope, direction, 2 * node.triangles.len())
-                }
+        let polytope = if spec.only_axes() {
+            None
+        } else {
+            Some(node.cell.to_polytope())
+        };
+        let Scratch { events, directions } = scratch;
+        let mut sweep = |normal: [f32; 3], origin: Origin| {
+            let mut plane = SplitPlane {
+                normal,
+                boundary: Boundary {
+                    offset: 0.0,
+                    touching: Touching::Both,
+                },
+                origin,
+            };
+            let axis = plane.axis();
+            let of_box = axis.and_then(|axis| node.cell.box_profile(axis));
+            let Some(mut profile) = of_box.or_else(|| {
+                let direction = glam::Vec3::from(normal).as_dvec3();
+                let polytope = polytope.as_deref()?;
+                Some(Profile::of_polytope(
+                    polytope,
+                    direction,
+                    2 * node.triangles.len(),
+                ))
+            }) else {
+                return;
             };
             let extents = node.triangles.iter().map(|&i| self.extent(axis, normal, i));
-            scratch.events.fill(extents, self.tolerance);
+            events.fill(extents, self.tolerance);
             let (best, inside) =
-                scratch
-                    .events
-                    .sweep(self.tolerance, &mut profile, self.params.empty_bonus);
+                events.sweep(self.tolerance, &mut profile, self.params.empty_bonus);
             candidates += inside;
             if let Some(best) = best {
-                let plane = SplitPlane {
-                    axis,
-                    normal,
-                    boundary: best.boundary,
-                };
-                contest.enter(plane, axis.is_some(), best);
+                plane.boundary = best.boundary;
+                contest.enter(plane, origin == Origin::Axis, best);
             }
         };
-        if self.choice.spec.axes {
-            for (axis, &normal) in AXES.iter().enumerate() {
-                sweep(Some(axis), normal);
-            }
+        if spec.axes {
+            AXES.into_iter().for_each(|axis| sweep(axis, Origin::Axis));
         }
-        scratch.directions.clear();
+        directions.clear();
         let view = NodeView {
             normals: &self.normals,
             triangles: &node.triangles,
+            fixed: &self.fixed,
             random: Random::new(node.path),
         };
-        directions::generate(self.choice, view, &mut scratch.directions);
-        for &direction in &scratch.directions {
-            sweep(None, direction);
+        directions::generate(self.choice, view, directions);
+        for (i, &direction) in directions.iter().enumerate() {
+            let origin = match spec.directions {
+                Directions::Fixed => Origin::Fixed((i + if spec.axes { 3 } else { 0 }) as u8),
+                _ => Origin::Direction,
+            };
+            sweep(direction, origin);
+        }
+        if let (true, Some(polytope)) = (spec.triangle_planes, &polytope) {
+            candidates += self.triangle_planes(node, polytope, &mut contest);
         }
         (contest, candidates)
     }
 
-    /// The extent of a triangle along a direction.
+    /// Enters the planes of the node's triangles and says how many there were.
+    fn triangle_planes(
+        &self,
+        node: &Node,
+        cell: &Polytope,
+        contest: &mut Contest<SplitPlane>,
+    ) -> u64 {
+        let corners: Vec<_> = node
+            .triangles
+            .iter()
+            .map(|&i| self.mesh.corners(i))
+            .collect();
+        let counter = Counter::new(
+            corners.clone(),
+            self.params.ties,
+            2.0 * self.params.ties.overhang(&self.mesh.bounds()),
+        );
+        let area = cell.surface_area();
+        let mut entered = 0;
+        for candidate in corners.iter().flat_map(triangle_planes::candidates) {
+            let bonus = self.params.empty_bonus;
+            let priced =
+                triangle_planes::price(&candidate, &counter, cell, area, self.tolerance, bonus);
+            if let Some(best) = priced {
+                entered += 1;
+                let origin = if candidate.is_edge {
+                    Origin::Edge
+                } else {
+                    Origin::Triangle
+                };
+                let plane = SplitPlane {
+                    normal: candidate.normal,
+                    boundary: best.boundary,
+                    origin,
+                };
+                contest.enter(plane, false, best);
+            }
+        }
+        entered
+    }
+
+    /// The extent of a triangle along a direction, which may be an axis.
     #[inline(always)]
     fn extent(&self, axis: Option<usize>, normal: [f32; 3], triangle: u32) -> (f32, f32) {
         let corners = self.mesh.corners(triangle);
-        let [a, b, c] = match axis {
-            Some(axis) => corners.map(|p| p[axis]),
-            None => corners.map(|p| self.params.ties.project(normal, p)),
+        let Some(axis) = axis else {
+            return self.params.ties.extent(normal, &corners);
         };
+        let [a, b, c] = corners.map(|p| p[axis]);
         (a.min(b).min(c), a.max(b).max(c))
     }
 
-    /// The two children of a node, and whether its cell could not be cut.
-    fn children(&self, node: Node, choice: &Choice<SplitPlane>) -> (Node, Node, bool) {
+    /// The two children of a node.
+    fn children(
+        &self,
+        node: Node,
+        choice: &Choice<SplitPlane>,
+        stats: &mut BuildStats,
+    ) -> (Node, Node) {
         let plane = choice.plane;
+        let axis = plane.axis();
         let mut sides = [Vec::new(), Vec::new()];
         for &triangle in &node.triangles {
-            let extent = self.extent(plane.axis, plane.normal, triangle);
-            let (below, above) = plane.boundary.sides(extent);
+            let (below, above) = plane
+                .boundary
+                .sides(self.extent(axis, plane.normal, triangle));
             if below {
                 sides[0].push(triangle);
             }
@@ -290,7 +382,8 @@ impl Builder<'_> {
             }
         }
         let cut = node.cell.cut(&plane);
-        let uncut = cut.is_none();
+        stats.bad_refines += u64::from(choice.bad_refine);
+        stats.uncut_cells += u64::from(cut.is_none());
         let cells = cut.unwrap_or_else(|| (node.cell.clone(), node.cell.clone()));
         let [below, above] = sides;
         let mut paths = Random::new(node.path ^ u64::from(node.depth) << 48);
@@ -301,6 +394,6 @@ impl Builder<'_> {
             bad_refines: node.bad_refines + u8::from(choice.bad_refine),
             path: paths.next(),
         };
-        (child(below, cells.0), child(above, cells.1), uncut)
+        (child(below, cells.0), child(above, cells.1))
     }
 }

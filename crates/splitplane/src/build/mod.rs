@@ -6,6 +6,7 @@ mod grow;
 mod params;
 mod sweep;
 mod ties;
+mod triangle_planes;
 
-pub(crate) use grow::{Built, BuiltNode, SplitPlane, Sums, grow};
-pub use params::{BuildError, BuildParams, BuildStats, DepthLimit, ObliquePricing, Ties};
+pub(crate) use grow::{Built, BuiltNode, Origin, SplitPlane, grow};
+pub use params::{BuildError, BuildParams, BuildStats, DepthLimit, ObliquePricing, Ties, Wins};

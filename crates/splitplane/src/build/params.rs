@@ -167,16 +167,26 @@ impl Ties {
         }
     }
 
-    /// The most that [`Ties::project`] is off, for points whose coordinates are at most `reach`
-    /// [Higham2002, 3.1]: γ₃ · √3 · reach and, rounded once, a half unit in the last place of a
-    /// number of at most √3 · reach.
-    pub(crate) fn projection_error(self, reach: f32) -> f64 {
+    /// The extent of a triangle along a direction.
+    #[inline(always)]
+    pub(crate) fn extent(self, direction: [f32; 3], corners: &[[f32; 3]; 3]) -> (f32, f32) {
+        let [a, b, c] = corners.map(|p| self.project(direction, p));
+        (a.min(b).min(c), a.max(b).max(c))
+    }
+
+    /// How far a triangle may reach beyond a plane on a side where it does not count, in a scene of
+    /// these bounds: the tolerance, and what rounding adds [Higham2002, 3.1].
+    ///
+    /// Coordinates along a unit direction are at most √3 · reach. As published they are off by
+    /// three roundings; otherwise by one, and adding the tolerance rounds once more.
+    pub(crate) fn overhang(self, bounds: &Aabb) -> f64 {
         let unit = f64::from(f32::EPSILON) / 2.0;
         let roundings = match self {
             Ties::AsPublished => 3.01,
-            Ties::Tolerant => 1.01,
+            Ties::Tolerant => 2.01,
         };
-        roundings * unit * 3f64.sqrt() * f64::from(reach)
+        let tolerance = f64::from(self.tolerance(bounds));
+        tolerance + roundings * unit * (3f64.sqrt() * f64::from(bounds.reach()) + tolerance)
     }
 }
 
@@ -220,16 +230,23 @@ pub struct BuildStats {
     pub bad_refines: u64,
     /// Split candidates: events strictly inside their cell.
     pub candidates: u64,
+    /// Interior nodes by what their plane came from.
+    pub wins: Wins,
     /// Splits whose cells kept the shape of their parent's because it was too thin to be cut.
     pub uncut_cells: u64,
 }
 
-impl std::ops::AddAssign for BuildStats {
-    fn add_assign(&mut self, other: BuildStats) {
-        self.bad_refines += other.bad_refines;
-        self.candidates += other.candidates;
-        self.uncut_cells += other.uncut_cells;
-    }
+/// How often each kind of plane was the one to split a node.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Wins {
+    /// Planes across an axis.
+    pub axis: u64,
+    /// Planes across another direction: fixed, random, a normal, a cluster's centre.
+    pub direction: u64,
+    /// Planes of triangles.
+    pub triangle: u64,
+    /// Planes through a triangle's edge, perpendicular to it.
+    pub edge: u64,
 }
 
 #[cfg(test)]

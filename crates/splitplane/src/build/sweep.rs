@@ -12,6 +12,28 @@ pub(crate) struct Best {
     pub(crate) expected_tests: f64,
 }
 
+impl Best {
+    /// A plane with its children's triangles and the areas of their cells, as fractions of the
+    /// cell's.
+    #[inline]
+    pub(crate) fn price(
+        boundary: Boundary,
+        areas: (f64, f64),
+        below: usize,
+        above: usize,
+        empty_bonus: f64,
+    ) -> Self {
+        let mut expected_tests = areas.0 * below as f64 + areas.1 * above as f64;
+        if below == 0 || above == 0 {
+            expected_tests *= 1.0 - empty_bonus;
+        }
+        Best {
+            boundary,
+            expected_tests,
+        }
+    }
+}
+
 /// The extents of a node's triangles along a direction, sorted.
 #[derive(Debug, Default)]
 pub(crate) struct Events {
@@ -55,8 +77,8 @@ impl Events {
     ) -> (Option<Best>, u64) {
         let mut search = Search {
             best: None,
-            low: profile.extent().0,
-            high: profile.extent().1,
+            low: profile.inside().0,
+            high: profile.inside().1,
             profile,
             empty_bonus,
         };
@@ -159,19 +181,17 @@ impl Search<'_, '_> {
     }
 
     fn consider(&mut self, t: f32, touching: Touching, below: usize, above: usize) {
-        let (area_below, area_above) = self.profile.areas(f64::from(t));
-        let mut tests = area_below * below as f64 + area_above * above as f64;
-        if below == 0 || above == 0 {
-            tests *= 1.0 - self.empty_bonus;
-        }
-        if self.best.is_none_or(|best| tests < best.expected_tests) {
-            self.best = Some(Best {
-                boundary: Boundary {
-                    offset: t,
-                    touching,
-                },
-                expected_tests: tests,
-            });
+        let boundary = Boundary {
+            offset: t,
+            touching,
+        };
+        let areas = self.profile.areas(f64::from(t));
+        let found = Best::price(boundary, areas, below, above, self.empty_bonus);
+        if self
+            .best
+            .is_none_or(|best| found.expected_tests < best.expected_tests)
+        {
+            self.best = Some(found);
         }
     }
 }

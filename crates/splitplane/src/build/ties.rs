@@ -14,19 +14,22 @@ pub(crate) enum Touching {
     Above,
     /// They are below.
     Below,
+    /// They are on both sides.
+    Both,
     /// They are where they reach further than this.
     Tolerated(f32),
 }
 
 impl Boundary {
     /// Whether a triangle with this extent along the direction is below, and whether it is above.
-    /// It is on one side at least; on one only if it is flat.
+    /// It is on one side at least, and on one only if it is flat (but for [`Touching::Both`]).
     #[inline(always)]
     pub(crate) fn sides(&self, (min, max): (f32, f32)) -> (bool, bool) {
         let t = self.offset;
         match self.touching {
             Touching::Above => (min < t, max >= t),
             Touching::Below => (min <= t, max > t),
+            Touching::Both => (min <= t, max >= t),
             Touching::Tolerated(tolerance) => {
                 let above = max - tolerance > t;
                 match is_flat((min, max), tolerance) {
@@ -63,10 +66,10 @@ mod tests {
             let max = min + length;
             let offset = [offset, min, max, min + tolerance][on];
             prop_assume!(!offset.is_nan());
-            for touching in [Touching::Above, Touching::Below, Touching::Tolerated(tolerance)] {
+            for touching in [Touching::Above, Touching::Below, Touching::Both, Touching::Tolerated(tolerance)] {
                 let (below, above) = Boundary { offset, touching }.sides((min, max));
                 prop_assert!(below || above, "{touching:?}");
-                if min == max {
+                if min == max && touching != Touching::Both {
                     prop_assert!(below != above, "{touching:?}");
                 }
             }

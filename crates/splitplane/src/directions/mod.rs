@@ -1,5 +1,8 @@
 //! Where the split directions of a node come from: one file per source.
 
+mod clustered;
+pub(crate) mod fixed;
+mod random;
 mod sampled;
 
 use crate::catalog::{Directions, TreeChoice};
@@ -10,6 +13,8 @@ pub(crate) struct NodeView<'a> {
     pub(crate) normals: &'a [[f32; 3]],
     /// The triangles of the node.
     pub(crate) triangles: &'a [u32],
+    /// The directions of the whole tree, the axes included, where it has such.
+    pub(crate) fixed: &'a [[f32; 3]],
     /// Random numbers that depend on the seed and the node's place in the tree alone.
     pub(crate) random: Random,
 }
@@ -19,8 +24,12 @@ pub(crate) fn generate(choice: TreeChoice, node: NodeView, directions: &mut Vec<
     let axes = if choice.spec.axes { 3 } else { 0 };
     let count = choice.direction_count.unwrap_or(0).saturating_sub(axes) as usize;
     match choice.spec.directions {
+        _ if count == 0 => {}
         Directions::None => {}
+        Directions::Fixed => directions.extend_from_slice(&node.fixed[axes as usize..]),
+        Directions::Random => random::generate(count, node, directions),
         Directions::SampledNormals => sampled::generate(count, node, directions),
+        Directions::ClusteredNormals => clustered::generate(count, node, directions),
     }
 }
 
@@ -47,6 +56,11 @@ impl Random {
         z = (z ^ z >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
         z = (z ^ z >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
         z ^ z >> 31
+    }
+
+    /// A number in `[0, 1)`.
+    pub(crate) fn unit(&mut self) -> f64 {
+        (self.next() >> 11) as f64 / (1u64 << 53) as f64
     }
 
     /// A number below `bound`, all alike but for a bias below 2⁻³².

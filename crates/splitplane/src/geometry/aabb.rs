@@ -22,9 +22,9 @@ impl Aabb {
     /// The smallest box that holds this one and `point`.
     #[must_use]
     pub fn with_point(mut self, point: [f32; 3]) -> Self {
-        for axis in 0..3 {
-            self.min[axis] = self.min[axis].min(point[axis]);
-            self.max[axis] = self.max[axis].max(point[axis]);
+        for (axis, c) in point.into_iter().enumerate() {
+            self.min[axis] = self.min[axis].min(c);
+            self.max[axis] = self.max[axis].max(c);
         }
         self
     }

@@ -181,6 +181,6 @@ fn run(tree: &Tree, ray: &Ray, search: &mut impl Search, counters: &mut impl Cou
     let bounds = tree.bounds();
     if ray.is_valid() && !bounds.is_empty() {
         let place = (&bounds, tree.tolerance());
-        with_nodes!(tree, nodes => traverse(nodes, tree.references(), place, ray, search, counters));
+        with_nodes!(tree, nodes => traverse(nodes, tree.shared(), tree.references(), place, ray, search, counters));
     }
 }

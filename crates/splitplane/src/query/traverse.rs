@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use super::Counters;
 use crate::build::BuildParams;
 use crate::geometry::{Aabb, Ray};
-use crate::tree::nodes::{Layout, View};
+use crate::tree::nodes::{Layout, Shared, View};
 
 /// What a traversal looks for.
 pub(super) trait Search {
@@ -80,6 +80,7 @@ impl Line {
 #[inline]
 pub(super) fn traverse<N: Layout>(
     nodes: &[N],
+    shared: &Shared,
     references: &[u32],
     (bounds, tolerance): (&Aabb, f64),
     ray: &Ray,
@@ -94,7 +95,7 @@ pub(super) fn traverse<N: Layout>(
     let mut depth = 0;
     let mut at = 0;
     loop {
-        let (t, margin, rising, above) = match nodes[at].view() {
+        let (t, margin, rising, above) = match nodes[at].view(shared) {
             View::Axis {
                 axis,
                 offset,
@@ -109,6 +110,7 @@ pub(super) fn traverse<N: Layout>(
                 normal,
                 offset,
                 above,
+                ..
             } => {
                 counters.oblique_visit();
                 let n = normal.map(f64::from);

@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 
 use super::nodes::{Layout, View};
 use super::{Tree, with_nodes};
-use crate::build::BuildStats;
+use crate::build::{BuildStats, Built, BuiltNode};
 use crate::catalog::TreeChoice;
 
 /// The nodes of a tree, by kind.
@@ -48,6 +48,8 @@ pub struct TreeCard {
     pub expected_visits: f64,
     /// Triangle tests of such a line, if it tests all leaves on its way.
     pub expected_tests: f64,
+    /// Shares of the expected tests by the size of the leaf: `[(triangles, share)]`, ascending.
+    pub tests_by_leaf_size: Vec<(u32, f64)>,
     /// SAH cost: the expected visits and tests by the costs of the build, without the linear cost
     /// of oblique nodes.
     pub sah_cost: f64,
@@ -55,6 +57,38 @@ pub struct TreeCard {
     pub bytes: u64,
     /// What the build found.
     pub build: BuildStats,
+}
+
+/// What a random line through the scene's box meets on average: areas of cells over that of the
+/// box.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Expected {
+    axis_visits: f64,
+    oblique_visits: f64,
+    /// Triangle tests by the size of the leaf.
+    tests: BTreeMap<u32, f64>,
+}
+
+impl Expected {
+    pub(crate) fn of(built: &Built, root_area: f64) -> Self {
+        let mut expected = Expected::default();
+        for node in &built.nodes {
+            match *node {
+                BuiltNode::Interior { plane, area, .. } => {
+                    *(match plane.is_axis() {
+                        true => &mut expected.axis_visits,
+                        false => &mut expected.oblique_visits,
+                    }) += area / root_area;
+                }
+                BuiltNode::Leaf { count: 0, .. } => {}
+                BuiltNode::Leaf { count, area } => {
+                    *expected.tests.entry(count as u32).or_default() +=
+                        count as f64 * area / root_area;
+                }
+            }
+        }
+        expected
+    }
 }
 
 impl Tree {
@@ -70,7 +104,7 @@ impl Tree {
         let (mut references, mut deepest) = (0, 0);
         let mut pending = vec![(0, 0)];
         while let Some((at, depth)) = pending.pop() {
-            let (is_axis, above) = match nodes[at].view() {
+            let (is_axis, above) = match nodes[at].view(self.shared()) {
                 View::Leaf(leaf) => {
                     counts.leaf += 1;
                     counts.empty_leaf += u64::from(leaf.count == 0);
@@ -80,9 +114,7 @@ impl Tree {
                     continue;
                 }
                 View::Axis { above, .. } => (true, above),
-                View::Oblique { normal, above, .. } => {
-                    (normal.iter().filter(|&&c| c != 0.0).count() == 1, above)
-                }
+                View::Oblique { above, is_axis, .. } => (is_axis, above),
             };
             pending.extend([(above, depth + 1), (at + 1, depth + 1)]);
             depths.resize(depths.len().max(depth as usize + 1), (0, 0));
@@ -98,19 +130,12 @@ impl Tree {
                 &mut at_depth.1
             }) += 1;
         }
-        let root_area = self.bounds().surface_area();
-        let share = |area: f64| {
-            if root_area > 0.0 {
-                area / root_area
-            } else {
-                0.0
-            }
-        };
-        let (axis, oblique, tests) = (
-            share(self.sums.axis_area),
-            share(self.sums.oblique_area),
-            share(self.sums.leaf_area),
-        );
+        let Expected {
+            axis_visits,
+            oblique_visits,
+            tests,
+        } = &self.expected;
+        let expected_tests: f64 = tests.values().sum();
         let axis_cost = if self.choice.spec.axis_nodes {
             self.params.kd_traversal_cost
         } else {
@@ -125,13 +150,17 @@ impl Tree {
             largest_leaf: leaf_sizes.keys().last().map_or(0, |&size| u64::from(size)),
             leaf_sizes: leaf_sizes.into_iter().collect(),
             depths,
-            expected_visits: axis + oblique,
-            expected_tests: tests,
-            sah_cost: axis_cost * axis
-                + self.params.oblique_traversal_cost * oblique
-                + self.params.intersection_cost * tests,
+            expected_visits: axis_visits + oblique_visits,
+            expected_tests,
+            tests_by_leaf_size: tests
+                .iter()
+                .map(|(&size, &tests)| (size, tests / expected_tests))
+                .collect(),
+            sah_cost: axis_cost * axis_visits
+                + self.params.oblique_traversal_cost * oblique_visits
+                + self.params.intersection_cost * expected_tests,
             bytes: (size_of_val(nodes) + size_of_val(self.references())) as u64,
-            build: self.sums.stats,
+            build: self.stats,
         }
     }
 }

@@ -7,11 +7,12 @@ mod validate;
 pub use card::{NodeCounts, TreeCard};
 pub use validate::ValidateError;
 
-use crate::build::{BuildError, BuildParams, Built, BuiltNode, grow};
-use crate::catalog::TreeChoice;
+use crate::build::{BuildError, BuildParams, BuildStats, Built, grow};
+use crate::catalog::{Directions, TreeChoice};
 use crate::geometry::{Aabb, Mesh, Ray};
 use crate::query::{self, Counters, Hit};
-use nodes::{KdNode, ObliqueNode};
+use card::Expected;
+use nodes::{IndexedNode, KdNode, ObliqueNode, Shared};
 
 /// A tree over a mesh, ready for queries. Cloning copies the nodes, not the mesh.
 ///
@@ -23,7 +24,9 @@ pub struct Tree {
     params: BuildParams,
     nodes: Nodes,
     references: Vec<u32>,
-    sums: crate::build::Sums,
+    shared: Shared,
+    expected: Expected,
+    stats: BuildStats,
     /// How far a triangle may reach beyond a plane, in scene units, on a side where it is not
     /// referenced.
     tolerance: f64,
@@ -33,6 +36,7 @@ pub struct Tree {
 #[derive(Clone, Debug)]
 pub(crate) enum Nodes {
     Kd(Vec<KdNode>),
+    Indexed(Vec<IndexedNode>),
     Oblique(Vec<ObliqueNode>),
 }
 
@@ -41,6 +45,10 @@ macro_rules! with_nodes {
     ($tree:expr, $nodes:ident => $body:expr) => {
         match $tree.nodes() {
             $crate::tree::Nodes::Kd($nodes) => {
+                let $nodes = $nodes.as_slice();
+                $body
+            }
+            $crate::tree::Nodes::Indexed($nodes) => {
                 let $nodes = $nodes.as_slice();
                 $body
             }
@@ -75,30 +83,29 @@ impl Tree {
         params: &BuildParams,
         built: &Built,
     ) -> Result<Tree, BuildError> {
-        let axis_nodes = choice.spec.axis_nodes;
-        let only_axes = |node: &BuiltNode| match node {
-            BuiltNode::Interior { plane, .. } => plane.axis.is_some(),
-            BuiltNode::Leaf { .. } => true,
-        };
-        let (nodes, references) = if axis_nodes && choice.spec.only_axes() {
-            debug_assert!(built.nodes.iter().all(only_axes));
-            let (nodes, references) = nodes::store(&built.nodes, &built.references, axis_nodes)?;
+        let spec = choice.spec;
+        let shared = Shared::new(built.fixed.clone(), spec.axis_nodes);
+        let (nodes, references) = if spec.directions == Directions::Fixed {
+            let (nodes, references) = nodes::store(built, &shared)?;
+            (Nodes::Indexed(nodes), references)
+        } else if spec.axis_nodes && spec.only_axes() {
+            let (nodes, references) = nodes::store(built, &shared)?;
             (Nodes::Kd(nodes), references)
         } else {
-            let (nodes, references) = nodes::store(&built.nodes, &built.references, axis_nodes)?;
+            let (nodes, references) = nodes::store(built, &shared)?;
             (Nodes::Oblique(nodes), references)
         };
         let bounds = mesh.bounds();
-        let tolerance = f64::from(params.ties.tolerance(&bounds))
-            + params.ties.projection_error(bounds.reach());
         Ok(Tree {
             mesh: mesh.clone(),
             choice,
             params: params.clone(),
             nodes,
+            shared,
             references,
-            sums: built.sums,
-            tolerance,
+            expected: Expected::of(built, bounds.surface_area()),
+            stats: built.stats,
+            tolerance: params.ties.overhang(&bounds),
         })
     }
 
@@ -140,6 +147,10 @@ impl Tree {
         &self.nodes
     }
 
+    pub(crate) fn shared(&self) -> &Shared {
+        &self.shared
+    }
+
     pub(crate) fn references(&self) -> &[u32] {
         &self.references
     }
@@ -156,7 +167,9 @@ impl PartialEq for Tree {
         self.choice == other.choice
             && self.params == other.params
             && self.references == other.references
-            && self.sums == other.sums
+            && self.expected == other.expected
+            && self.stats == other.stats
+            && self.shared == other.shared
             && bytes(self) == bytes(other)
     }
 }

@@ -6,22 +6,31 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::build::{BuildError, BuiltNode, SplitPlane};
+use crate::build::{BuildError, Built, BuiltNode, Origin, SplitPlane};
 
 /// Bits 0 to 2 of a node's `meta`: an axis, or one of these. The other bits are the index of the
 /// child above, or a leaf's number of triangles.
 const LEAF: u32 = 3;
 const OBLIQUE: u32 = 4;
+/// A plane across an axis, in a tree whose nodes are all oblique.
+const OBLIQUE_AXIS: u32 = 5;
 const KIND_BITS: u32 = 3;
 const KIND_MASK: u32 = (1 << KIND_BITS) - 1;
-/// The largest index of a child, and the largest leaf.
-pub(crate) const LIMIT: usize = (u32::MAX >> KIND_BITS) as usize;
 
 /// A node of a kd-tree: 8 bytes.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct KdNode {
     /// A split's offset (the bits of an f32), or where a leaf's references are.
+    payload: u32,
+    meta: u32,
+}
+
+/// A node of a tree with a fixed set of directions: 8 bytes. The low bits of `meta`, as many as
+/// the number of directions needs, are the index of a direction, or all ones in a leaf.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct IndexedNode {
     payload: u32,
     meta: u32,
 }
@@ -34,7 +43,9 @@ pub(crate) struct ObliqueNode {
     kd: KdNode,
 }
 
-const _: () = assert!(size_of::<KdNode>() == 8 && size_of::<ObliqueNode>() == 20);
+const _: () = assert!(
+    size_of::<KdNode>() == 8 && size_of::<IndexedNode>() == 8 && size_of::<ObliqueNode>() == 20
+);
 
 /// What a node says, whatever its layout.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -48,6 +59,8 @@ pub(crate) enum View {
         normal: [f32; 3],
         offset: f32,
         above: usize,
+        /// The plane is across an axis that was a candidate as such.
+        is_axis: bool,
     },
     Leaf(Leaf),
 }
@@ -79,16 +92,46 @@ impl Leaf {
     }
 }
 
+/// What all nodes of a tree share.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Shared {
+    /// The directions that indexed nodes name.
+    directions: Vec<[f32; 3]>,
+    /// How many bits name a direction.
+    direction_bits: u32,
+    /// Planes across an axis make kd nodes.
+    axis_nodes: bool,
+}
+
+impl Shared {
+    pub(crate) fn new(directions: Vec<[f32; 3]>, axis_nodes: bool) -> Self {
+        let direction_bits = (directions.len() as u32)
+            .checked_ilog2()
+            .map_or(0, |log2| log2 + 1);
+        Shared {
+            directions,
+            direction_bits,
+            axis_nodes,
+        }
+    }
+}
+
 /// A layout of nodes.
 pub(crate) trait Layout: Pod + Send + Sync {
-    fn view(&self) -> View;
-    fn leaf(payload: u32, count: u32) -> Self;
-    fn interior(plane: &SplitPlane, above: u32) -> Self;
+    /// The largest index of a child, and the largest leaf.
+    fn limit(shared: &Shared) -> usize;
+    fn view(&self, shared: &Shared) -> View;
+    fn leaf(payload: u32, count: u32, shared: &Shared) -> Self;
+    fn interior(plane: &SplitPlane, above: u32, shared: &Shared) -> Self;
 }
 
 impl Layout for KdNode {
+    fn limit(_: &Shared) -> usize {
+        (u32::MAX >> KIND_BITS) as usize
+    }
+
     #[inline(always)]
-    fn view(&self) -> View {
+    fn view(&self, _: &Shared) -> View {
         let above = self.meta >> KIND_BITS;
         match self.meta & KIND_MASK {
             LEAF => View::Leaf(Leaf {
@@ -103,15 +146,15 @@ impl Layout for KdNode {
         }
     }
 
-    fn leaf(payload: u32, count: u32) -> Self {
+    fn leaf(payload: u32, count: u32, _: &Shared) -> Self {
         KdNode {
             payload,
             meta: count << KIND_BITS | LEAF,
         }
     }
 
-    fn interior(plane: &SplitPlane, above: u32) -> Self {
-        let axis = plane.axis.expect("a kd-tree splits along axes only") as u32;
+    fn interior(plane: &SplitPlane, above: u32, _: &Shared) -> Self {
+        let axis = plane.axis().expect("a kd-tree splits along axes only") as u32;
         KdNode {
             payload: plane.boundary.offset.to_bits(),
             meta: above << KIND_BITS | axis,
@@ -119,66 +162,131 @@ impl Layout for KdNode {
     }
 }
 
-impl Layout for ObliqueNode {
+impl Layout for IndexedNode {
+    fn limit(shared: &Shared) -> usize {
+        (u32::MAX >> shared.direction_bits) as usize
+    }
+
     #[inline(always)]
-    fn view(&self) -> View {
-        if self.kd.meta & KIND_MASK == OBLIQUE {
-            View::Oblique {
-                normal: self.normal,
-                offset: f32::from_bits(self.kd.payload),
-                above: (self.kd.meta >> KIND_BITS) as usize,
-            }
-        } else {
-            self.kd.view()
+    fn view(&self, shared: &Shared) -> View {
+        let leaf = (1 << shared.direction_bits) - 1;
+        let index = self.meta & leaf;
+        let above = self.meta >> shared.direction_bits;
+        if index == leaf {
+            return View::Leaf(Leaf {
+                count: above,
+                payload: self.payload,
+            });
+        }
+        let (offset, above, index) = (f32::from_bits(self.payload), above as usize, index as usize);
+        // Where axes are nodes of their own, they are the first of the directions.
+        if shared.axis_nodes && index < 3 {
+            return View::Axis {
+                axis: index,
+                offset,
+                above,
+            };
+        }
+        let normal = shared.directions[index];
+        let is_axis = normal.iter().filter(|&&c| c != 0.0).count() == 1;
+        View::Oblique {
+            normal,
+            offset,
+            above,
+            is_axis,
         }
     }
 
-    fn leaf(payload: u32, count: u32) -> Self {
+    fn leaf(payload: u32, count: u32, shared: &Shared) -> Self {
+        let leaf = (1 << shared.direction_bits) - 1;
+        IndexedNode {
+            payload,
+            meta: count << shared.direction_bits | leaf,
+        }
+    }
+
+    fn interior(plane: &SplitPlane, above: u32, shared: &Shared) -> Self {
+        let index = match plane.origin {
+            Origin::Fixed(index) => u32::from(index),
+            _ => plane
+                .axis()
+                .expect("a plane across a fixed direction or an axis") as u32,
+        };
+        IndexedNode {
+            payload: plane.boundary.offset.to_bits(),
+            meta: above << shared.direction_bits | index,
+        }
+    }
+}
+
+impl Layout for ObliqueNode {
+    fn limit(shared: &Shared) -> usize {
+        KdNode::limit(shared)
+    }
+
+    #[inline(always)]
+    fn view(&self, shared: &Shared) -> View {
+        let kind = self.kd.meta & KIND_MASK;
+        if kind < OBLIQUE {
+            return self.kd.view(shared);
+        }
+        View::Oblique {
+            normal: self.normal,
+            offset: f32::from_bits(self.kd.payload),
+            above: (self.kd.meta >> KIND_BITS) as usize,
+            is_axis: kind == OBLIQUE_AXIS,
+        }
+    }
+
+    fn leaf(payload: u32, count: u32, shared: &Shared) -> Self {
         ObliqueNode {
             normal: [0.0; 3],
-            kd: KdNode::leaf(payload, count),
+            kd: KdNode::leaf(payload, count, shared),
         }
     }
 
-    fn interior(plane: &SplitPlane, above: u32) -> Self {
-        let kind = plane.axis.map_or(OBLIQUE, |axis| axis as u32);
+    fn interior(plane: &SplitPlane, above: u32, shared: &Shared) -> Self {
+        let kind = match plane.axis() {
+            Some(axis) if plane.origin == Origin::Axis => match shared.axis_nodes {
+                true => axis as u32,
+                false => OBLIQUE_AXIS,
+            },
+            _ => OBLIQUE,
+        };
+        let kd = KdNode {
+            payload: plane.boundary.offset.to_bits(),
+            meta: above << KIND_BITS | kind,
+        };
         ObliqueNode {
             normal: plane.normal,
-            kd: KdNode {
-                payload: plane.boundary.offset.to_bits(),
-                meta: above << KIND_BITS | kind,
-            },
+            kd,
         }
     }
 }
 
 /// Stores built nodes, and the references of the leaves that have more than one triangle.
 pub(crate) fn store<N: Layout>(
-    built: &[BuiltNode],
-    references: &[u32],
-    axis_nodes: bool,
+    built: &Built,
+    shared: &Shared,
 ) -> Result<(Vec<N>, Vec<u32>), BuildError> {
-    for (what, count) in [("nodes", built.len()), ("references", references.len())] {
-        if count > LIMIT {
-            return Err(BuildError::TooLarge {
-                what,
-                count,
-                limit: LIMIT,
-            });
+    let limit = N::limit(shared);
+    for (what, count) in [
+        ("nodes", built.nodes.len()),
+        ("references", built.references.len()),
+    ] {
+        if count > limit {
+            return Err(BuildError::TooLarge { what, count, limit });
         }
     }
-    let mut nodes = Vec::with_capacity(built.len());
+    let mut nodes = Vec::with_capacity(built.nodes.len());
     let mut kept = Vec::new();
-    let mut rest = references;
-    for (at, node) in built.iter().enumerate() {
+    let mut rest = built.references.as_slice();
+    for (at, node) in built.nodes.iter().enumerate() {
         nodes.push(match *node {
-            BuiltNode::Interior { mut plane, above } => {
-                if !axis_nodes {
-                    plane.axis = None;
-                }
-                N::interior(&plane, (at + above) as u32)
+            BuiltNode::Interior { plane, above, .. } => {
+                N::interior(&plane, (at + above) as u32, shared)
             }
-            BuiltNode::Leaf { count } => {
+            BuiltNode::Leaf { count, .. } => {
                 let (own, others) = rest.split_at(count);
                 rest = others;
                 let payload = if let [triangle] = own {
@@ -189,7 +297,7 @@ pub(crate) fn store<N: Layout>(
                 if count > 1 {
                     kept.extend_from_slice(own);
                 }
-                N::leaf(payload, count as u32)
+                N::leaf(payload, count as u32, shared)
             }
         });
     }

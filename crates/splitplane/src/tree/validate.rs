@@ -59,7 +59,7 @@ impl Tree {
             if std::mem::replace(&mut seen[at], true) {
                 return broken(at, "has two parents");
             }
-            match nodes[at].view() {
+            match nodes[at].view(&self.shared) {
                 View::Axis { above, .. } | View::Oblique { above, .. } => {
                     pending.extend([above, at + 1])
                 }
@@ -95,7 +95,7 @@ impl Tree {
         let mut leaves = 0.0;
         let mut pending = vec![(0, cell)];
         while let Some((at, cell)) = pending.pop() {
-            match split_plane(&nodes[at].view()) {
+            match split_plane(&nodes[at].view(&self.shared)) {
                 None => leaves += cell.volume(),
                 Some((normal, offset, above)) => match cell.cut(normal, offset) {
                     Some((below, rest)) => pending.extend([(above, rest), (at + 1, below)]),
@@ -121,7 +121,7 @@ impl Tree {
                 if polygon.is_empty() {
                     continue;
                 }
-                let view = nodes[at].view();
+                let view = nodes[at].view(&self.shared);
                 if let Some((normal, offset, above)) = split_plane(&view) {
                     let part =
                         |sign: f64| clip(&polygon, sign * normal, sign * offset - self.tolerance);
@@ -149,6 +149,7 @@ fn split_plane(view: &View) -> Option<(DVec3, f64, usize)> {
             normal,
             offset,
             above,
+            ..
         } => Some((
             glam::Vec3::from(normal).as_dvec3(),
             f64::from(offset),
