@@ -21,6 +21,8 @@ pub struct TreeSpec {
     pub triangle_planes: bool,
     /// Axis-aligned nodes are stored, priced and traversed as kd nodes (superscript Kd).
     pub axis_nodes: bool,
+    /// The triangles are divided, not space: a bounding volume hierarchy.
+    pub objects: bool,
     /// One line: what it is, and its source.
     pub summary: &'static str,
 }
@@ -50,6 +52,7 @@ pub static TREES: &[TreeSpec] = &[
         directions: Directions::None,
         triangle_planes: false,
         axis_nodes: true,
+        objects: false,
         summary: "SAH kd-tree: the three axes, swept [WaldHavran2006]",
     },
     TreeSpec {
@@ -60,6 +63,7 @@ pub static TREES: &[TreeSpec] = &[
         directions: Directions::Fixed,
         triangle_planes: false,
         axis_nodes: false,
+        objects: false,
         summary: "k fixed directions for the whole tree [KammajeMora2007]",
     },
     TreeSpec {
@@ -70,6 +74,7 @@ pub static TREES: &[TreeSpec] = &[
         directions: Directions::Fixed,
         triangle_planes: false,
         axis_nodes: true,
+        objects: false,
         summary: "the same, the axes among them; axis nodes are kd nodes [Budge2008]",
     },
     TreeSpec {
@@ -80,6 +85,7 @@ pub static TREES: &[TreeSpec] = &[
         directions: Directions::None,
         triangle_planes: true,
         axis_nodes: false,
+        objects: false,
         summary: "the axes, and four planes per triangle: its own and one through each edge [Ize2008]",
     },
     TreeSpec {
@@ -90,6 +96,7 @@ pub static TREES: &[TreeSpec] = &[
         directions: Directions::None,
         triangle_planes: true,
         axis_nodes: true,
+        objects: false,
         summary: "the same; axis nodes are kd nodes [Ize2008]",
     },
     TreeSpec {
@@ -100,6 +107,7 @@ pub static TREES: &[TreeSpec] = &[
         directions: Directions::Random,
         triangle_planes: false,
         axis_nodes: false,
+        objects: false,
         summary: "k random directions in each node [Hoobergs2019]",
     },
     TreeSpec {
@@ -110,6 +118,7 @@ pub static TREES: &[TreeSpec] = &[
         directions: Directions::Random,
         triangle_planes: false,
         axis_nodes: false,
+        objects: false,
         summary: "the axes and k-3 random directions in each node [Hoobergs2019]",
     },
     TreeSpec {
@@ -120,6 +129,7 @@ pub static TREES: &[TreeSpec] = &[
         directions: Directions::Random,
         triangle_planes: false,
         axis_nodes: true,
+        objects: false,
         summary: "the same; axis nodes are kd nodes [Hoobergs2019]",
     },
     TreeSpec {
@@ -130,6 +140,7 @@ pub static TREES: &[TreeSpec] = &[
         directions: Directions::SampledNormals,
         triangle_planes: false,
         axis_nodes: false,
+        objects: false,
         summary: "the normals of k random triangles of each node [Hoobergs2019]",
     },
     TreeSpec {
@@ -140,6 +151,7 @@ pub static TREES: &[TreeSpec] = &[
         directions: Directions::SampledNormals,
         triangle_planes: false,
         axis_nodes: false,
+        objects: false,
         summary: "the axes and the normals of k-3 random triangles of each node [Hoobergs2019]",
     },
     TreeSpec {
@@ -150,6 +162,7 @@ pub static TREES: &[TreeSpec] = &[
         directions: Directions::SampledNormals,
         triangle_planes: false,
         axis_nodes: true,
+        objects: false,
         summary: "the same; axis nodes are kd nodes [Hoobergs2019]",
     },
     TreeSpec {
@@ -160,6 +173,7 @@ pub static TREES: &[TreeSpec] = &[
         directions: Directions::ClusteredNormals,
         triangle_planes: false,
         axis_nodes: false,
+        objects: false,
         summary: "the centres of k clusters of each node's normals [Hoobergs2019]",
     },
     TreeSpec {
@@ -170,6 +184,7 @@ pub static TREES: &[TreeSpec] = &[
         directions: Directions::ClusteredNormals,
         triangle_planes: false,
         axis_nodes: false,
+        objects: false,
         summary: "the axes and the centres of k-3 clusters of each node's normals [Hoobergs2019]",
     },
     TreeSpec {
@@ -180,7 +195,19 @@ pub static TREES: &[TreeSpec] = &[
         directions: Directions::ClusteredNormals,
         triangle_planes: false,
         axis_nodes: true,
+        objects: false,
         summary: "the same; axis nodes are kd nodes [Hoobergs2019]",
+    },
+    TreeSpec {
+        name: "bvh",
+        thesis_name: "",
+        pbrt_name: "",
+        axes: true,
+        directions: Directions::None,
+        triangle_planes: false,
+        axis_nodes: true,
+        objects: true,
+        summary: "for comparison: a bounding volume hierarchy by SAH sweeps [MacDonaldBooth1990]",
     },
 ];
 

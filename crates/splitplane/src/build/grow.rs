@@ -2,7 +2,8 @@
 
 use super::cell::{Cell, Profile};
 use super::cost::{Choice, Contest};
-use super::params::{BuildParams, BuildStats, Ties, Wins};
+use super::objects;
+use super::params::{BuildParams, BuildStats, Ties};
 use super::sweep::Events;
 use super::ties::{Boundary, Touching};
 use super::triangle_planes::{self, Counter};
@@ -12,7 +13,7 @@ use crate::geometry::Mesh;
 use crate::geometry::polytope::Polytope;
 
 /// Subtrees with at least this many triangles are built in parallel.
-const PARALLEL_FROM: usize = 4096;
+pub(super) const PARALLEL_FROM: usize = 4096;
 
 /// A path ends after this many bad refines [PBRT3, 4.4].
 const MAX_BAD_REFINES: u8 = 3;
@@ -64,6 +65,8 @@ pub(crate) enum BuiltNode {
         above: usize,
         area: f64,
     },
+    /// The children divide the triangles, not the cell.
+    Objects { above: usize, area: f64 },
     /// The next `count` of the references.
     Leaf { count: usize, area: f64 },
 }
@@ -79,14 +82,32 @@ pub(crate) struct Built {
 }
 
 impl Built {
-    /// Appends a subtree that was built by itself.
-    fn append(&mut self, mut subtree: Built) {
-        self.nodes.append(&mut subtree.nodes);
-        self.references.append(&mut subtree.references);
-        // Wins are counted when all is built.
-        self.stats.bad_refines += subtree.stats.bad_refines;
-        self.stats.candidates += subtree.stats.candidates;
-        self.stats.uncut_cells += subtree.stats.uncut_cells;
+    /// Appends an interior node and its subtrees, in parallel if that is worth it. `node` is told
+    /// how many nodes after it the child above comes; `scratch` are buffers of one thread.
+    pub(super) fn join<S: Default + Send>(
+        &mut self,
+        node: impl Fn(usize) -> BuiltNode,
+        parallel: bool,
+        scratch: &mut S,
+        below: impl FnOnce(&mut Built, &mut S) + Send,
+        above: impl FnOnce(&mut Built, &mut S) + Send,
+    ) {
+        let at = self.nodes.len();
+        self.nodes.push(node(0));
+        if !parallel {
+            below(self, scratch);
+            self.nodes[at] = node(self.nodes.len() - at);
+            return above(self, scratch);
+        }
+        let mut other = Built::default();
+        rayon::join(
+            || below(self, scratch),
+            || above(&mut other, &mut S::default()),
+        );
+        self.nodes[at] = node(self.nodes.len() - at);
+        self.nodes.append(&mut other.nodes);
+        self.references.append(&mut other.references);
+        self.stats += other.stats;
     }
 }
 
@@ -121,6 +142,9 @@ struct Builder<'a> {
 
 /// Builds the tree, on the threads of the current rayon pool.
 pub(crate) fn grow(mesh: &Mesh, choice: TreeChoice, params: &BuildParams) -> Built {
+    if choice.spec.objects {
+        return objects::grow(mesh, params);
+    }
     let triangles = mesh.usable_triangles().to_vec();
     let bounds = mesh.bounds();
     let builder = Builder {
@@ -152,24 +176,20 @@ pub(crate) fn grow(mesh: &Mesh, choice: TreeChoice, params: &BuildParams) -> Bui
         path: Random::new(params.seed).next(),
     };
     builder.grow(root, &mut built, &mut Scratch::default());
-    built.stats.wins = wins(&built.nodes);
     built.fixed = builder.fixed;
     built
 }
 
-fn wins(nodes: &[BuiltNode]) -> Wins {
-    let mut wins = Wins::default();
-    for node in nodes {
-        if let BuiltNode::Interior { plane, .. } = node {
-            *match plane.origin {
-                _ if plane.is_axis() => &mut wins.axis,
-                Origin::Axis | Origin::Fixed(_) | Origin::Direction => &mut wins.direction,
-                Origin::Triangle => &mut wins.triangle,
-                Origin::Edge => &mut wins.edge,
-            } += 1;
-        }
+impl BuildStats {
+    fn count_win(&mut self, plane: &SplitPlane) {
+        let wins = &mut self.wins;
+        *match plane.origin {
+            _ if plane.is_axis() => &mut wins.axis,
+            Origin::Axis | Origin::Fixed(_) | Origin::Direction => &mut wins.direction,
+            Origin::Triangle => &mut wins.triangle,
+            Origin::Edge => &mut wins.edge,
+        } += 1;
     }
-    wins
 }
 
 impl Builder<'_> {
@@ -188,39 +208,16 @@ impl Builder<'_> {
             built.references.extend_from_slice(&node.triangles);
             return;
         };
-        let (below, above) = self.children(node, &choice, &mut built.stats);
-        let at = built.nodes.len();
         let plane = choice.plane;
-        built.nodes.push(BuiltNode::Interior {
-            plane,
-            above: 0,
-            area,
-        });
-        let mut other = None;
-        if below.triangles.len().min(above.triangles.len()) < PARALLEL_FROM {
-            self.grow(below, built, scratch);
-            let end = built.nodes.len() - at;
-            self.grow(above, built, scratch);
-            built.nodes[at] = BuiltNode::Interior {
-                plane,
-                above: end,
-                area,
-            };
-        } else {
-            let other = other.insert(Built::default());
-            rayon::join(
-                || self.grow(below, built, scratch),
-                || self.grow(above, other, &mut Scratch::default()),
-            );
-            built.nodes[at] = BuiltNode::Interior {
-                plane,
-                above: built.nodes.len() - at,
-                area,
-            };
-        }
-        if let Some(other) = other {
-            built.append(other);
-        }
+        built.stats.count_win(&plane);
+        let (below, above) = self.children(node, &choice, &mut built.stats);
+        built.join(
+            |above| BuiltNode::Interior { plane, above, area },
+            below.triangles.len().min(above.triangles.len()) >= PARALLEL_FROM,
+            scratch,
+            |built, scratch| self.grow(below, built, scratch),
+            |built, scratch| self.grow(above, built, scratch),
+        );
     }
 
     /// The split of a node; `None` where it is to be a leaf.

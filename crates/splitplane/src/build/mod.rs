@@ -3,6 +3,7 @@
 mod cell;
 mod cost;
 mod grow;
+mod objects;
 mod params;
 mod sweep;
 mod ties;

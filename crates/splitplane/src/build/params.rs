@@ -236,6 +236,18 @@ pub struct BuildStats {
     pub uncut_cells: u64,
 }
 
+impl std::ops::AddAssign for BuildStats {
+    fn add_assign(&mut self, other: BuildStats) {
+        self.bad_refines += other.bad_refines;
+        self.candidates += other.candidates;
+        self.uncut_cells += other.uncut_cells;
+        self.wins.axis += other.wins.axis;
+        self.wins.direction += other.wins.direction;
+        self.wins.triangle += other.wins.triangle;
+        self.wins.edge += other.wins.edge;
+    }
+}
+
 /// How often each kind of plane was the one to split a node.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Wins {

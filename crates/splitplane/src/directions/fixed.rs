@@ -45,12 +45,15 @@ pub(crate) fn directions(count: usize, axes_first: bool) -> Vec<[f32; 3]> {
 /// Points on the hemisphere z > 0 whose heights are evenly spaced and whose azimuths advance by
 /// the golden angle.
 fn spiral(count: usize) -> impl Iterator<Item = [f64; 3]> {
-    let golden_angle = std::f64::consts::PI * (3.0 - 5f64.sqrt());
+    // The cosine and sine of the golden angle, π (3 - √5): written out, since sines differ from
+    // machine to machine.
+    let (cos, sin) = (-0.737_368_878_078_319_7_f64, 0.675_490_294_261_523_8_f64);
+    let (mut x, mut y) = (0.6, 0.8);
     (0..count).map(move |i| {
         let z = (i as f64 + 0.5) / count as f64;
         let radius = (1.0 - z * z).sqrt();
-        let azimuth = golden_angle * (i as f64 + 0.5);
-        [radius * azimuth.cos(), radius * azimuth.sin(), z]
+        (x, y) = (x * cos - y * sin, x * sin + y * cos);
+        [radius * x, radius * y, z]
     })
 }
 

@@ -29,6 +29,15 @@ impl Aabb {
         self
     }
 
+    /// The smallest box that holds both.
+    #[must_use]
+    pub fn union(&self, other: &Aabb) -> Self {
+        Aabb {
+            min: std::array::from_fn(|axis| self.min[axis].min(other.min[axis])),
+            max: std::array::from_fn(|axis| self.max[axis].max(other.max[axis])),
+        }
+    }
+
     /// Whether the box holds no point.
     pub fn is_empty(&self) -> bool {
         (0..3).any(|axis| self.min[axis] > self.max[axis])

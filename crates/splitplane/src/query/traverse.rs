@@ -59,9 +59,9 @@ impl Line {
         }
     }
 
-    /// The part of the ray in the box.
-    fn clip(&self, ray: &Ray, bounds: &Aabb) -> Option<(f64, f64)> {
-        let (mut near, mut far) = (f64::from(ray.t_min), f64::from(ray.t_max));
+    /// The part of an interval of the ray that is in the box.
+    #[inline(always)]
+    fn clip(&self, (mut near, mut far): (f64, f64), bounds: &Aabb) -> Option<(f64, f64)> {
         for axis in 0..3 {
             let at = |offset: f32| (f64::from(offset) - self.origin[axis]) * self.inverse[axis];
             let (a, b) = (at(bounds.min[axis]), at(bounds.max[axis]));
@@ -70,6 +70,22 @@ impl Line {
         }
         (near <= far).then_some((near, far))
     }
+}
+
+/// Nodes that are still to be visited, each with its interval.
+type Stack = [(u32, f64, f64); BuildParams::MAX_DEPTH as usize];
+
+/// The next node that has not been passed by the search.
+#[inline(always)]
+fn pop(stack: &Stack, depth: &mut usize, limit: f64) -> Option<(usize, f64, f64)> {
+    while *depth > 0 {
+        *depth -= 1;
+        let (node, near, far) = stack[*depth];
+        if near <= limit {
+            return Some((node as usize, near, far));
+        }
+    }
+    None
 }
 
 /// Visits the leaves that the ray passes, near ones first, until the search has its answer.
@@ -88,10 +104,11 @@ pub(super) fn traverse<N: Layout>(
     counters: &mut impl Counters,
 ) {
     let line = Line::new(ray, bounds, tolerance);
-    let Some((mut near, mut far)) = line.clip(ray, bounds) else {
+    let Some((mut near, mut far)) = line.clip((f64::from(ray.t_min), f64::from(ray.t_max)), bounds)
+    else {
         return;
     };
-    let mut stack = [(0u32, 0.0f64, 0.0f64); BuildParams::MAX_DEPTH as usize];
+    let mut stack: Stack = [(0, 0.0, 0.0); BuildParams::MAX_DEPTH as usize];
     let mut depth = 0;
     let mut at = 0;
     loop {
@@ -119,6 +136,30 @@ pub(super) fn traverse<N: Layout>(
                 let t = (f64::from(offset) - (n[0] * o[0] + n[1] * o[1] + n[2] * o[2])) * inverse;
                 (t, line.margin * inverse.abs(), inverse > 0.0, above)
             }
+            View::Objects { above } => {
+                counters.kd_visit();
+                let clip = |node: usize| line.clip((near, far), &nodes[node].bounds());
+                let children = [(at + 1, clip(at + 1)), (above, clip(above))];
+                let [first, second] =
+                    children.map(|(node, interval)| interval.map(|(near, far)| (node, near, far)));
+                let next = match (first, second) {
+                    (Some(first), Some(second)) => {
+                        let (first, second) = if second.1 < first.1 {
+                            (second, first)
+                        } else {
+                            (first, second)
+                        };
+                        stack[depth] = (second.0 as u32, second.1, second.2);
+                        depth += 1;
+                        Some(first)
+                    }
+                    (first, second) => first.or(second),
+                };
+                let next = next.or_else(|| pop(&stack, &mut depth, search.limit()));
+                let Some(next) = next else { return };
+                (at, near, far) = next;
+                continue;
+            }
             View::Leaf(leaf) => {
                 counters.leaf_visit(leaf.count);
                 for &triangle in leaf.triangles(references) {
@@ -127,17 +168,10 @@ pub(super) fn traverse<N: Layout>(
                         return;
                     }
                 }
-                loop {
-                    if depth == 0 {
-                        return;
-                    }
-                    depth -= 1;
-                    let (node, entry, exit) = stack[depth];
-                    if entry <= search.limit() {
-                        (at, near, far) = (node as usize, entry, exit);
-                        break;
-                    }
-                }
+                let Some(next) = pop(&stack, &mut depth, search.limit()) else {
+                    return;
+                };
+                (at, near, far) = next;
                 continue;
             }
         };

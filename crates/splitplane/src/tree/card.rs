@@ -8,7 +8,7 @@ use crate::catalog::TreeChoice;
 /// The nodes of a tree, by kind.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NodeCounts {
-    /// Interior nodes whose plane is axis-aligned, however they are stored.
+    /// Interior nodes whose plane or box is axis-aligned, however they are stored.
     pub kd: u64,
     /// Interior nodes with an oblique plane.
     pub oblique: u64,
@@ -80,6 +80,7 @@ impl Expected {
                         false => &mut expected.oblique_visits,
                     }) += area / root_area;
                 }
+                BuiltNode::Objects { area, .. } => expected.axis_visits += area / root_area,
                 BuiltNode::Leaf { count: 0, .. } => {}
                 BuiltNode::Leaf { count, area } => {
                     *expected.tests.entry(count as u32).or_default() +=
@@ -114,6 +115,7 @@ impl Tree {
                     continue;
                 }
                 View::Axis { above, .. } => (true, above),
+                View::Objects { above } => (true, above),
                 View::Oblique { above, is_axis, .. } => (is_axis, above),
             };
             pending.extend([(above, depth + 1), (at + 1, depth + 1)]);

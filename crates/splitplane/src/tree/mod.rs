@@ -12,7 +12,7 @@ use crate::catalog::{Directions, TreeChoice};
 use crate::geometry::{Aabb, Mesh, Ray};
 use crate::query::{self, Counters, Hit};
 use card::Expected;
-use nodes::{IndexedNode, KdNode, ObliqueNode, Shared};
+use nodes::{BoxNode, IndexedNode, KdNode, ObliqueNode, Shared};
 
 /// A tree over a mesh, ready for queries. Cloning copies the nodes, not the mesh.
 ///
@@ -37,6 +37,7 @@ pub struct Tree {
 pub(crate) enum Nodes {
     Kd(Vec<KdNode>),
     Indexed(Vec<IndexedNode>),
+    Boxes(Vec<BoxNode>),
     Oblique(Vec<ObliqueNode>),
 }
 
@@ -49,6 +50,10 @@ macro_rules! with_nodes {
                 $body
             }
             $crate::tree::Nodes::Indexed($nodes) => {
+                let $nodes = $nodes.as_slice();
+                $body
+            }
+            $crate::tree::Nodes::Boxes($nodes) => {
                 let $nodes = $nodes.as_slice();
                 $body
             }
@@ -85,7 +90,11 @@ impl Tree {
     ) -> Result<Tree, BuildError> {
         let spec = choice.spec;
         let shared = Shared::new(built.fixed.clone(), spec.axis_nodes);
-        let (nodes, references) = if spec.directions == Directions::Fixed {
+        let (nodes, references) = if spec.objects {
+            let (mut nodes, references) = nodes::store(built, &shared)?;
+            nodes::fit_boxes(&mut nodes, &references, mesh, &shared);
+            (Nodes::Boxes(nodes), references)
+        } else if spec.directions == Directions::Fixed {
             let (nodes, references) = nodes::store(built, &shared)?;
             (Nodes::Indexed(nodes), references)
         } else if spec.axis_nodes && spec.only_axes() {

@@ -7,6 +7,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::build::{BuildError, Built, BuiltNode, Origin, SplitPlane};
+use crate::geometry::{Aabb, Mesh};
 
 /// Bits 0 to 2 of a node's `meta`: an axis, or one of these. The other bits are the index of the
 /// child above, or a leaf's number of triangles.
@@ -43,6 +44,16 @@ pub(crate) struct ObliqueNode {
     kd: KdNode,
 }
 
+/// A node of a bounding volume hierarchy: 32 bytes.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C)]
+pub(crate) struct BoxNode {
+    min: [f32; 3],
+    max: [f32; 3],
+    kd: KdNode,
+}
+
+const _: () = assert!(size_of::<BoxNode>() == 32);
 const _: () = assert!(
     size_of::<KdNode>() == 8 && size_of::<IndexedNode>() == 8 && size_of::<ObliqueNode>() == 20
 );
@@ -61,6 +72,10 @@ pub(crate) enum View {
         above: usize,
         /// The plane is across an axis that was a candidate as such.
         is_axis: bool,
+    },
+    /// The children have boxes of their own, which may overlap.
+    Objects {
+        above: usize,
     },
     Leaf(Leaf),
 }
@@ -123,6 +138,17 @@ pub(crate) trait Layout: Pod + Send + Sync {
     fn view(&self, shared: &Shared) -> View;
     fn leaf(payload: u32, count: u32, shared: &Shared) -> Self;
     fn interior(plane: &SplitPlane, above: u32, shared: &Shared) -> Self;
+
+    /// A node whose children divide triangles. Only one layout has such.
+    fn objects(_above: u32, _shared: &Shared) -> Self {
+        unreachable!("only a bounding volume hierarchy divides triangles")
+    }
+
+    /// The box around a node of a bounding volume hierarchy.
+    #[inline(always)]
+    fn bounds(&self) -> Aabb {
+        unreachable!("only a bounding volume hierarchy has boxes")
+    }
 }
 
 impl Layout for KdNode {
@@ -264,6 +290,71 @@ impl Layout for ObliqueNode {
     }
 }
 
+impl Layout for BoxNode {
+    fn limit(shared: &Shared) -> usize {
+        KdNode::limit(shared)
+    }
+
+    #[inline(always)]
+    fn view(&self, shared: &Shared) -> View {
+        match self.kd.view(shared) {
+            View::Axis { above, .. } => View::Objects { above },
+            view => view,
+        }
+    }
+
+    fn leaf(payload: u32, count: u32, shared: &Shared) -> Self {
+        let Aabb { min, max } = Aabb::EMPTY;
+        BoxNode {
+            min,
+            max,
+            kd: KdNode::leaf(payload, count, shared),
+        }
+    }
+
+    fn interior(_: &SplitPlane, _: u32, _: &Shared) -> Self {
+        unreachable!("a bounding volume hierarchy has no planes")
+    }
+
+    fn objects(above: u32, _: &Shared) -> Self {
+        let Aabb { min, max } = Aabb::EMPTY;
+        BoxNode {
+            min,
+            max,
+            kd: KdNode {
+                payload: 0,
+                meta: above << KIND_BITS,
+            },
+        }
+    }
+
+    #[inline(always)]
+    fn bounds(&self) -> Aabb {
+        Aabb {
+            min: self.min,
+            max: self.max,
+        }
+    }
+}
+
+/// Gives all nodes of a bounding volume hierarchy their boxes, from the leaves up.
+pub(crate) fn fit_boxes(nodes: &mut [BoxNode], references: &[u32], mesh: &Mesh, shared: &Shared) {
+    for at in (0..nodes.len()).rev() {
+        let Aabb { min, max } = match nodes[at].view(shared) {
+            View::Leaf(leaf) => {
+                let corners = leaf
+                    .triangles(references)
+                    .iter()
+                    .flat_map(|&i| mesh.corners(i));
+                Aabb::of_points(corners)
+            }
+            View::Objects { above } => nodes[at + 1].bounds().union(&nodes[above].bounds()),
+            View::Axis { .. } | View::Oblique { .. } => unreachable!("see `interior`"),
+        };
+        (nodes[at].min, nodes[at].max) = (min, max);
+    }
+}
+
 /// Stores built nodes, and the references of the leaves that have more than one triangle.
 pub(crate) fn store<N: Layout>(
     built: &Built,
@@ -286,6 +377,7 @@ pub(crate) fn store<N: Layout>(
             BuiltNode::Interior { plane, above, .. } => {
                 N::interior(&plane, (at + above) as u32, shared)
             }
+            BuiltNode::Objects { above, .. } => N::objects((at + above) as u32, shared),
             BuiltNode::Leaf { count, .. } => {
                 let (own, others) = rest.split_at(count);
                 rest = others;

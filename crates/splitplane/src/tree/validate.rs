@@ -43,6 +43,9 @@ impl Tree {
     pub fn validate(&self) -> Result<(), ValidateError> {
         with_nodes!(self, nodes => {
             self.validate_structure(nodes)?;
+            if self.choice.spec.objects {
+                return self.validate_boxes(nodes);
+            }
             self.validate_volume(nodes)?;
             self.validate_references(nodes)
         })
@@ -60,9 +63,9 @@ impl Tree {
                 return broken(at, "has two parents");
             }
             match nodes[at].view(&self.shared) {
-                View::Axis { above, .. } | View::Oblique { above, .. } => {
-                    pending.extend([above, at + 1])
-                }
+                View::Axis { above, .. }
+                | View::Oblique { above, .. }
+                | View::Objects { above } => pending.extend([above, at + 1]),
                 View::Leaf(leaf) => {
                     let Some(triangles) = leaf.try_triangles(&self.references) else {
                         return broken(at, "has references that do not exist");
@@ -84,6 +87,47 @@ impl Tree {
             Some(at) => broken(at, "has no parent"),
             None => Ok(()),
         }
+    }
+
+    /// Every triangle is in one leaf, and the boxes above it hold it.
+    fn validate_boxes<N: Layout>(&self, nodes: &[N]) -> Result<(), ValidateError> {
+        let mut listed = Vec::new();
+        let mut pending = vec![(0, self.bounds())];
+        while let Some((at, outer)) = pending.pop() {
+            let bounds = nodes[at].bounds();
+            if bounds.union(&outer) != outer {
+                return Err(ValidateError::Structure {
+                    node: at,
+                    what: "has a box larger than its parent's",
+                });
+            }
+            match nodes[at].view(&self.shared) {
+                View::Leaf(leaf) => {
+                    for &triangle in leaf.triangles(&self.references) {
+                        let own = crate::Aabb::of_points(self.mesh.corners(triangle));
+                        if own.union(&bounds) != bounds {
+                            return Err(ValidateError::MissingReference { node: at, triangle });
+                        }
+                        listed.push(triangle);
+                    }
+                }
+                View::Objects { above } => pending.extend([(above, bounds), (at + 1, bounds)]),
+                View::Axis { .. } | View::Oblique { .. } => {
+                    return Err(ValidateError::Structure {
+                        node: at,
+                        what: "has a plane",
+                    });
+                }
+            }
+        }
+        listed.sort_unstable();
+        if listed != self.mesh.usable_triangles() {
+            return Err(ValidateError::Structure {
+                node: 0,
+                what: "does not list every triangle once",
+            });
+        }
+        Ok(())
     }
 
     fn validate_volume<N: Layout>(&self, nodes: &[N]) -> Result<(), ValidateError> {
@@ -155,7 +199,7 @@ fn split_plane(view: &View) -> Option<(DVec3, f64, usize)> {
             f64::from(offset),
             above,
         )),
-        View::Leaf(_) => None,
+        View::Leaf(_) | View::Objects { .. } => None,
     }
 }
 
