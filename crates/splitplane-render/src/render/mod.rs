@@ -4,11 +4,31 @@
 //! camera, filters, scattering functions, lights, integrators. So the number of rays of each kind
 //! can be compared with pbrt-v3's, and not only the picture.
 
+mod bsdf;
+mod camera;
+mod film;
+mod filter;
+mod integrator;
+mod interaction;
+mod light;
+mod light_choice;
+mod sampler;
+mod sampling;
+mod texture;
+mod tiles;
+mod tracer;
+
 use std::ops::AddAssign;
 
 use splitplane::{Counts, Tree};
 
 use crate::scene::Scene;
+use crate::scene::settings::Integrator;
+use camera::CameraRays;
+use film::FilmPlan;
+use integrator::World;
+use light::Lights;
+use sampler::Sequence;
 
 /// What to render otherwise than the scene says, and with which means.
 #[derive(Clone, Debug, PartialEq)]
@@ -186,6 +206,128 @@ pub fn render(
     settings: &RenderSettings,
     progress: &dyn Progress,
 ) -> Result<Rendered, RenderError> {
-    let _ = (scene, tree, settings, progress);
-    Err(RenderError::Inconsistent("not rendered yet".into()))
+    check(scene, tree)?;
+    let plan = Plan::new(scene, settings)?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(settings.threads)
+        .build()
+        .map_err(|error| RenderError::Threads {
+            threads: settings.threads,
+            reason: error.to_string(),
+        })?;
+    let lights = Lights::new(scene);
+    let world = World::new(scene, &lights, plan.integrator);
+    let job = tiles::Job {
+        plan: &plan.film,
+        camera: &plan.camera,
+        world: &world,
+        tree,
+        sequence: &plan.sequence,
+        samples_per_pixel: plan.samples_per_pixel,
+        progress,
+    };
+    pool.install(|| {
+        if settings.count {
+            job.run::<true>()
+        } else {
+            job.run::<false>()
+        }
+    })
+}
+
+/// A scene's settings with those of the caller in their place.
+struct Plan {
+    film: FilmPlan,
+    camera: CameraRays,
+    sequence: Sequence,
+    samples_per_pixel: u32,
+    integrator: Integrator,
+}
+
+impl Plan {
+    fn new(scene: &Scene, settings: &RenderSettings) -> Result<Self, RenderError> {
+        let mut film = scene.film.clone();
+        if let Some((width, height)) = settings.resolution {
+            (film.width, film.height) = (width, height);
+        }
+        if let Some(crop) = settings.crop {
+            film.crop = crop;
+        }
+        let samples_per_pixel = settings
+            .samples_per_pixel
+            .unwrap_or(scene.sampler.samples_per_pixel);
+        if samples_per_pixel == 0 {
+            return Err(RenderError::OutOfRange {
+                what: "the number of samples per pixel",
+                value: "0".into(),
+                accepted: "1 or more are accepted",
+            });
+        }
+        let mut integrator = scene.integrator;
+        if let Some(depth) = settings.max_depth {
+            match &mut integrator {
+                Integrator::Path { max_depth, .. } | Integrator::Direct { max_depth, .. } => {
+                    *max_depth = depth;
+                }
+                Integrator::AmbientOcclusion { .. } => {}
+            }
+        }
+        let plan = FilmPlan::new(&film, &scene.filter)?;
+        let sampled = plan.samples();
+        let extent = [sampled.width() as i32, sampled.height() as i32];
+        Ok(Plan {
+            camera: CameraRays::new(&scene.camera, film.width, film.height),
+            sequence: Sequence::new(scene.sampler.kind, extent, settings.seed),
+            samples_per_pixel,
+            integrator,
+            film: plan,
+        })
+    }
+}
+
+/// That the parts of a scene fit each other, so that nothing is out of range later.
+fn check(scene: &Scene, tree: &Tree) -> Result<(), RenderError> {
+    let triangles = scene.mesh.triangles().len();
+    let others = tree.mesh().triangles().len();
+    if others != triangles || tree.mesh().bounds() != scene.mesh.bounds() {
+        return Err(RenderError::OtherMesh {
+            tree: others,
+            scene: triangles,
+        });
+    }
+    let wrong = |what: String| Err(RenderError::Inconsistent(what));
+    let vertices = scene.mesh.positions().len();
+    let mut next = 0;
+    for (number, shape) in scene.shapes.iter().enumerate() {
+        if shape.triangles.start != next || shape.triangles.end < next {
+            return wrong(format!(
+                "shape {number} begins at triangle {}, not at {next}",
+                shape.triangles.start
+            ));
+        }
+        next = shape.triangles.end;
+        if shape.material as usize >= scene.materials.len() {
+            return wrong(format!(
+                "shape {number} has material {} of {}",
+                shape.material,
+                scene.materials.len()
+            ));
+        }
+        for (has, given, what) in [
+            (shape.has_normals, scene.normals.len(), "normals"),
+            (shape.has_uvs, scene.uvs.len(), "texture coordinates"),
+        ] {
+            if has && given != vertices {
+                return wrong(format!(
+                    "shape {number} needs {what}: {given} for {vertices} vertices"
+                ));
+            }
+        }
+    }
+    if next as usize != triangles {
+        return wrong(format!(
+            "the shapes have {next} triangles, the mesh has {triangles}"
+        ));
+    }
+    Ok(())
 }
