@@ -1,1 +1,43 @@
-//! Laboratory.
+//! The laboratory: trees built and rendered under the same conditions, what they did as records,
+//! and how they compare. It prints nothing.
+
+#![forbid(unsafe_code)]
+
+mod compare;
+mod machine;
+mod params;
+mod record;
+mod run;
+mod stats;
+mod write;
+
+use std::path::PathBuf;
+
+pub use compare::{Comparison, Difference, Event, Plan, Row, Unit, compare, rows};
+pub use machine::{Machine, peak_memory_bytes};
+pub use params::{ParamsRecord, Preset, UnknownName, ties_name, ties_named};
+pub use record::{CardRecord, NodeRecord, PerRay, Record, write_records};
+pub use run::{BuildSettings, Built, Run, build, run};
+pub use stats::median;
+pub use write::write_whole;
+
+/// What can go wrong in the laboratory.
+#[derive(Debug, thiserror::Error)]
+pub enum LabError {
+    /// A tree could not be built.
+    #[error("the tree {tree} cannot be built: {source}")]
+    Build {
+        /// The tree.
+        tree: String,
+        /// Why.
+        source: splitplane::BuildError,
+    },
+    /// A file could not be written.
+    #[error("{} cannot be written: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+}
