@@ -6,6 +6,7 @@
 mod compare;
 mod machine;
 mod params;
+mod pictures;
 mod record;
 mod run;
 mod stats;
@@ -13,11 +14,12 @@ mod write;
 
 use std::path::PathBuf;
 
-pub use compare::{Comparison, Difference, Event, Plan, Row, Unit, compare, rows};
+pub use compare::{Comparison, Difference, Row, Step, Task, Unit, Watch, compare, rows};
 pub use machine::{Machine, peak_memory_bytes};
-pub use params::{ParamsRecord, Preset, UnknownName, ties_name, ties_named};
+pub use params::{ParamsRecord, Preset, UnknownName, pricing_named, ties_name, ties_named};
+pub use pictures::Quantity;
 pub use record::{CardRecord, NodeRecord, PerRay, Record, write_records};
-pub use run::{BuildSettings, Built, Run, build, run};
+pub use run::{Built, Settings, build, record, render_with};
 pub use stats::median;
 pub use write::write_whole;
 
@@ -31,6 +33,15 @@ pub enum LabError {
         tree: String,
         /// Why.
         source: splitplane::BuildError,
+    },
+    /// The scene could not be rendered.
+    #[error(transparent)]
+    Render(#[from] splitplane_render::render::RenderError),
+    /// No threads to work with.
+    #[error("cannot start the threads: {source}")]
+    Threads {
+        /// Why not.
+        source: rayon::ThreadPoolBuildError,
     },
     /// A file could not be written.
     #[error("{} cannot be written: {source}", path.display())]

@@ -21,12 +21,11 @@ impl Machine {
     /// This machine, now.
     pub fn now() -> Machine {
         let unknown = || "unknown".to_owned();
-        let cpu = System::new_with_specifics(
-            RefreshKind::nothing().with_cpu(CpuRefreshKind::nothing()),
-        )
-        .ok()
-        .and_then(|system| Some(system.cpus().first()?.brand().trim().to_owned()))
-        .filter(|brand| !brand.is_empty());
+        let cpu =
+            System::new_with_specifics(RefreshKind::nothing().with_cpu(CpuRefreshKind::nothing()))
+                .ok()
+                .and_then(|system| Some(system.cpus().first()?.brand().trim().to_owned()))
+                .filter(|brand| !brand.is_empty());
         Machine {
             cpu: cpu.unwrap_or_else(unknown),
             cores: std::thread::available_parallelism().map_or(1, usize::from),
@@ -47,7 +46,9 @@ impl Machine {
 /// say (it does on Linux).
 pub fn peak_memory_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
-    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    let line = status
+        .lines()
+        .find_map(|line| line.strip_prefix("VmHWM:"))?;
     let kib: u64 = line.trim().strip_suffix("kB")?.trim().parse().ok()?;
     Some(kib * 1024)
 }

@@ -65,7 +65,11 @@ fn find<T: Copy>(
     found.copied().ok_or_else(|| UnknownName {
         what,
         given: given.to_owned(),
-        known: all.iter().map(|item| name(*item)).collect::<Vec<_>>().join(", "),
+        known: all
+            .iter()
+            .map(|item| name(*item))
+            .collect::<Vec<_>>()
+            .join(", "),
     })
 }
 
@@ -88,7 +92,33 @@ impl fmt::Display for Preset {
 /// # Errors
 /// No such way.
 pub fn ties_named(text: &str) -> Result<Ties, UnknownName> {
-    find("way to treat ties", text, &[Ties::AsPublished, Ties::Tolerant], ties_name)
+    find(
+        "way to treat ties",
+        text,
+        &[Ties::AsPublished, Ties::Tolerant],
+        ties_name,
+    )
+}
+
+/// The way to price oblique nodes of that name, "published" or "fork", with the α of `like`.
+///
+/// # Errors
+/// No such way.
+pub fn pricing_named(text: &str, like: ObliquePricing) -> Result<ObliquePricing, UnknownName> {
+    let (ObliquePricing::Published { alpha } | ObliquePricing::Fork { alpha }) = like;
+    let all = [
+        ObliquePricing::Published { alpha },
+        ObliquePricing::Fork { alpha },
+    ];
+    find("way to price oblique nodes", text, &all, pricing_name)
+}
+
+/// The name of a way to price oblique nodes.
+fn pricing_name(pricing: ObliquePricing) -> &'static str {
+    match pricing {
+        ObliquePricing::Published { .. } => "published",
+        ObliquePricing::Fork { .. } => "fork",
+    }
 }
 
 /// [`BuildParams`] as a record holds them.
@@ -118,10 +148,8 @@ pub struct ParamsRecord {
 
 impl From<&BuildParams> for ParamsRecord {
     fn from(params: &BuildParams) -> Self {
-        let (pricing, alpha) = match params.oblique_pricing {
-            ObliquePricing::Published { alpha } => ("published", alpha),
-            ObliquePricing::Fork { alpha } => ("fork", alpha),
-        };
+        let (ObliquePricing::Published { alpha } | ObliquePricing::Fork { alpha }) =
+            params.oblique_pricing;
         let (base, per_level) = match params.max_depth {
             DepthLimit::Log2 { base, per_level } => (base, per_level),
             DepthLimit::Fixed(depth) => (f64::from(depth), 0.0),
@@ -130,7 +158,7 @@ impl From<&BuildParams> for ParamsRecord {
             intersection_cost: params.intersection_cost,
             kd_traversal_cost: params.kd_traversal_cost,
             oblique_traversal_cost: params.oblique_traversal_cost,
-            oblique_pricing: pricing.to_owned(),
+            oblique_pricing: pricing_name(params.oblique_pricing).to_owned(),
             alpha,
             empty_bonus: params.empty_bonus,
             max_prims: params.max_prims,

@@ -5,12 +5,13 @@ use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 use splitplane::TreeCard;
+use splitplane_render::render::RayKinds;
 
 use crate::machine::Machine;
 use crate::params::ParamsRecord;
-use crate::{LabError, write_whole};
+use crate::{Built, LabError, Settings, write_whole};
 
-/// One run: one tree, built once and rendered once. As JSON, its fields have these names.
+/// One run: one tree, built and rendered. As JSON, its fields have these names.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
     /// The tree, without its number of directions: `wn+kd`.
@@ -28,6 +29,8 @@ pub struct Record {
     pub repetition: u32,
     /// Seed of the build's random draws.
     pub seed: u64,
+    /// Seed of the samples.
+    pub sample_seed: u64,
     /// Threads that built and rendered.
     pub threads: usize,
     /// Samples per pixel.
@@ -52,6 +55,8 @@ pub struct Record {
     pub build_s: f64,
     /// Time to render the picture, in seconds.
     pub render_s: f64,
+    /// Whether counters ran while `render_s` was taken.
+    pub counted_while_timed: bool,
     /// Nodes by kind.
     pub nodes: NodeRecord,
     /// Triangle references in all leaves.
@@ -112,6 +117,16 @@ impl From<splitplane::NodeCounts> for NodeRecord {
             oblique: nodes.oblique,
             leaf: nodes.leaf,
             empty_leaf: nodes.empty_leaf,
+        }
+    }
+}
+
+impl From<RayKinds<u64>> for PerRay {
+    fn from(kinds: RayKinds<u64>) -> Self {
+        PerRay {
+            camera: kinds.camera,
+            bounce: kinds.bounce,
+            shadow: kinds.shadow,
         }
     }
 }
@@ -200,10 +215,14 @@ pub struct CardRecord {
     pub bad_refines: u64,
     /// Split candidates whose cost was computed.
     pub candidates: u64,
+    /// Splits whose cells kept their parent's shape because it was too thin to be cut.
+    pub uncut_cells: u64,
     /// Triangles in the largest leaf.
     pub largest_leaf: u64,
     /// Leaves by their number of triangles: `[triangles, leaves]`, ascending.
     pub leaf_sizes: Vec<(u32, u64)>,
+    /// Interior nodes by depth, `[kd, oblique]`, from the root's.
+    pub interior_by_depth: Vec<(u64, u64)>,
     /// Expected interior node visits of a random line through the scene's box.
     pub expected_visits: f64,
     /// Expected triangle tests of such a line, all leaves on it tested.
@@ -222,7 +241,7 @@ pub struct CardRecord {
 
 impl CardRecord {
     /// The record of a tree that [`crate::build`] built.
-    pub fn new(built: &crate::Built, scene: &str, settings: &crate::BuildSettings) -> CardRecord {
+    pub fn new(built: &Built, scene: &str, settings: &Settings) -> CardRecord {
         let (version, commit) = version_and_commit();
         let mesh = built.tree.mesh();
         let TreeCard {
@@ -233,6 +252,7 @@ impl CardRecord {
             depth,
             largest_leaf,
             leaf_sizes,
+            depths,
             expected_visits,
             expected_tests,
             sah_cost,
@@ -256,8 +276,10 @@ impl CardRecord {
             depth,
             bad_refines: build.bad_refines,
             candidates: build.candidates,
+            uncut_cells: build.uncut_cells,
             largest_leaf,
             leaf_sizes,
+            interior_by_depth: depths,
             expected_visits,
             expected_tests,
             sah_cost,
