@@ -100,19 +100,6 @@ pub fn ties_named(text: &str) -> Result<Ties, UnknownName> {
     )
 }
 
-/// The way to price oblique nodes of that name, "published" or "fork", with the α of `like`.
-///
-/// # Errors
-/// No such way.
-pub fn pricing_named(text: &str, like: ObliquePricing) -> Result<ObliquePricing, UnknownName> {
-    let (ObliquePricing::Published { alpha } | ObliquePricing::Fork { alpha }) = like;
-    let all = [
-        ObliquePricing::Published { alpha },
-        ObliquePricing::Fork { alpha },
-    ];
-    find("way to price oblique nodes", text, &all, pricing_name)
-}
-
 /// The name of a way to price oblique nodes.
 fn pricing_name(pricing: ObliquePricing) -> &'static str {
     match pricing {
