@@ -97,7 +97,12 @@ pub struct CompareCommand {
     #[command(flatten)]
     pub scene: SceneArgs,
     /// The trees, separated by commas; the first is the measure of the others
-    #[arg(long, required = true, value_delimiter = ',', value_name = "TREE,TREE,...")]
+    #[arg(
+        long,
+        required = true,
+        value_delimiter = ',',
+        value_name = "TREE,TREE,..."
+    )]
     pub trees: Vec<TreeChoice>,
     /// Build and render with each tree this many times, interleaved; times are medians
     #[arg(long, default_value_t = 1, value_name = "N", value_parser = value_parser!(u32).range(1..=1000))]
@@ -388,8 +393,14 @@ mod tests {
 
     #[test]
     fn a_width_alone_keeps_the_proportions() {
-        assert_eq!(Resolution::parse("300").unwrap().of((1000, 500)), (300, 150));
-        assert_eq!(Resolution::parse("30x40").unwrap().of((1000, 500)), (30, 40));
+        assert_eq!(
+            Resolution::parse("300").unwrap().of((1000, 500)),
+            (300, 150)
+        );
+        assert_eq!(
+            Resolution::parse("30x40").unwrap().of((1000, 500)),
+            (30, 40)
+        );
         for wrong in ["", "0", "10x", "x10", "10x10x10", "-5", "1e3", "99999999"] {
             assert!(Resolution::parse(wrong).is_err(), "{wrong}");
         }
@@ -398,7 +409,14 @@ mod tests {
     #[test]
     fn a_crop_lies_inside_the_picture() {
         assert_eq!(crop("0, 0.5 ,0.25,1"), Ok([0.0, 0.5, 0.25, 1.0]));
-        for wrong in ["", "0,1,0", "0.5,0.5,0,1", "0,1,0,1.5", "0,nan,0,1", "0,1,0,1,0"] {
+        for wrong in [
+            "",
+            "0,1,0",
+            "0.5,0.5,0,1",
+            "0,1,0,1.5",
+            "0,nan,0,1",
+            "0,1,0,1,0",
+        ] {
             assert!(crop(wrong).is_err(), "{wrong}");
         }
     }

@@ -1,6 +1,7 @@
 //! The command `splitplane`: parses what is asked, has it done, prints what came of it.
 
 #![forbid(unsafe_code)]
+#![expect(unreachable_pub, reason = "a binary has no outside")]
 
 mod args;
 mod commands;

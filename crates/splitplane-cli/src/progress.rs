@@ -12,7 +12,9 @@ use splitplane_render::render::Progress;
 static SHOWN: Mutex<Option<ProgressBar>> = Mutex::new(None);
 
 fn shown() -> std::sync::MutexGuard<'static, Option<ProgressBar>> {
-    SHOWN.lock().unwrap_or_else(std::sync::PoisonError::into_inner)
+    SHOWN
+        .lock()
+        .unwrap_or_else(std::sync::PoisonError::into_inner)
 }
 
 /// Takes the bar off the screen.
@@ -60,7 +62,8 @@ impl Bar {
 
     /// Something of unknown length begins.
     pub fn spin(&self, message: String) {
-        self.bar.set_style(style("{spinner} {msg} ({elapsed})", &SPINNER));
+        self.bar
+            .set_style(style("{spinner} {msg} ({elapsed})", &SPINNER));
         self.bar.set_message(message);
     }
 }

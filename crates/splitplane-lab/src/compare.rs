@@ -267,3 +267,39 @@ fn interior_visits(record: &Record) -> PerRay {
         shadow: kd.shadow + oblique.shadow,
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_that_differs_in_one_bit_is_found_with_its_pixel() {
+        let tree: TreeChoice = splitplane::TREES[0].name.parse().unwrap();
+        let mut picture = Rendered {
+            width: 3,
+            height: 2,
+            origin: (10, 20),
+            samples_per_pixel: 1,
+            radiance: vec![[0.5; 3]; 6],
+            depth: vec![],
+            normal: vec![],
+            rays: Default::default(),
+            counts: Default::default(),
+            pixel_counts: None,
+            seconds: 0.0,
+        };
+        let reference = picture.radiance.clone();
+        assert_eq!(difference(&reference, &picture, (tree, 0, false)), None);
+        picture.radiance[4][1] = 0.5_f32.next_up();
+        picture.radiance[5][2] = -0.5;
+        let expected = Difference::Picture {
+            tree,
+            repetition: 1,
+            counted: true,
+            pixels: 2,
+            first: (11, 21),
+        };
+        let found = difference(&reference, &picture, (tree, 1, true));
+        assert_eq!(found, Some(expected));
+    }
+}

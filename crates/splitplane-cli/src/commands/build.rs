@@ -64,7 +64,10 @@ fn text(card: &CardRecord) -> String {
         ),
         ("depth", grouped(card.depth.into())),
         ("bad refines", grouped(card.bad_refines)),
-        ("largest leaf", format!("{} triangles", grouped(card.largest_leaf))),
+        (
+            "largest leaf",
+            format!("{} triangles", grouped(card.largest_leaf)),
+        ),
         ("expected visits per ray", measured(card.expected_visits)),
         ("expected tests per ray", measured(card.expected_tests)),
         ("SAH cost", measured(card.sah_cost)),

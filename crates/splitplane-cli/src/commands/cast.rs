@@ -158,7 +158,10 @@ fn shape_text(shape: &[u64]) -> String {
         [one] => format!("({one},)"),
         many => format!(
             "({})",
-            many.iter().map(u64::to_string).collect::<Vec<_>>().join(", ")
+            many.iter()
+                .map(u64::to_string)
+                .collect::<Vec<_>>()
+                .join(", ")
         ),
     }
 }
@@ -174,7 +177,9 @@ impl Hits {
         // Enough rays at a time that handing them out costs nothing.
         let rays = rays.par_iter().with_min_len(1024);
         match query {
-            Query::Closest => Hits::Closest(rays.map(|ray| tree.closest_hit(ray, &mut ())).collect()),
+            Query::Closest => {
+                Hits::Closest(rays.map(|ray| tree.closest_hit(ray, &mut ())).collect())
+            }
             Query::Any => Hits::Any(rays.map(|ray| tree.any_hit(ray, &mut ())).collect()),
         }
     }
@@ -193,7 +198,9 @@ impl Hits {
                     hits.iter().map(move |hit| hit.as_ref().map_or(miss, value))
                 };
                 array(npz, "t", hits.len(), or_miss(|hit| hit.t, f32::INFINITY))?;
-                let triangles = hits.iter().map(|hit| hit.map_or(u32::MAX, |hit| hit.triangle));
+                let triangles = hits
+                    .iter()
+                    .map(|hit| hit.map_or(u32::MAX, |hit| hit.triangle));
                 array(npz, "triangle", hits.len(), triangles)?;
                 array(npz, "u", hits.len(), or_miss(|hit| hit.u, 0.0))?;
                 array(npz, "v", hits.len(), or_miss(|hit| hit.v, 0.0))

@@ -138,7 +138,10 @@ fn write(
     let out: &Path = &command.out.out;
     let mut written = Vec::new();
     let of_tree = |tree: &TreeChoice, rest: &str| {
-        out.join(format!("{scene}-{}{rest}", scene::file_name(&tree.to_string())))
+        out.join(format!(
+            "{scene}-{}{rest}",
+            scene::file_name(&tree.to_string())
+        ))
     };
     if let Some((_, picture)) = found.rendered.first() {
         let path = out.join(format!("{scene}.png"));
@@ -156,7 +159,10 @@ fn write(
             .iter()
             .map(|(_, picture)| quantity.per_sample(picture))
             .collect();
-        let most = values.iter().flatten().fold(0.0_f32, |most, &v| most.max(v));
+        let most = values
+            .iter()
+            .flatten()
+            .fold(0.0_f32, |most, &v| most.max(v));
         for ((tree, picture), values) in found.rendered.iter().zip(&values) {
             let path = of_tree(tree, &format!("-{}.png", quantity.file_label()));
             let label = format!("{} per sample, {tree}", quantity.label());

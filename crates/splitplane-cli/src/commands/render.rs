@@ -37,7 +37,14 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
     };
     write_png(&path("png"), &picture)?;
     write_exr(&path("exr"), &picture)?;
-    let record = record(&scene, &built, &settings, 0, &picture, (picture.seconds, true));
+    let record = record(
+        &scene,
+        &built,
+        &settings,
+        0,
+        &picture,
+        (picture.seconds, true),
+    );
     if let Some(json) = &command.json {
         write_records(json, std::slice::from_ref(&record))?;
     }

@@ -22,6 +22,12 @@ fn row(spec: &TreeSpec) -> Vec<String> {
         Some((min, max)) => (format!("{}:k", spec.name), format!("{min} to {max}")),
         None => (spec.name.to_owned(), String::new()),
     };
-    [name, spec.thesis_name.to_owned(), spec.pbrt_name.to_owned(), range, spec.summary.to_owned()]
-        .to_vec()
+    [
+        name,
+        spec.thesis_name.to_owned(),
+        spec.pbrt_name.to_owned(),
+        range,
+        spec.summary.to_owned(),
+    ]
+    .to_vec()
 }
