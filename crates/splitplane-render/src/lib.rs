@@ -5,5 +5,8 @@
 
 #![forbid(unsafe_code)]
 
+pub mod error;
 pub mod scene;
 pub mod transform;
+
+pub use error::SceneError;
