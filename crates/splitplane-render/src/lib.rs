@@ -7,5 +7,8 @@
 
 pub mod output;
 pub mod render;
+pub mod error;
 pub mod scene;
 pub mod transform;
+
+pub use error::SceneError;
