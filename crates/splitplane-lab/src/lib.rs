@@ -1,1 +1,54 @@
-//! Laboratory.
+//! The laboratory: trees built and rendered under the same conditions, what they did as records,
+//! and how they compare. It prints nothing.
+
+#![forbid(unsafe_code)]
+
+mod compare;
+mod machine;
+mod params;
+mod pictures;
+mod record;
+mod run;
+mod stats;
+mod write;
+
+use std::path::PathBuf;
+
+pub use compare::{Comparison, Difference, Row, Step, Task, Unit, Watch, compare, rows};
+pub use machine::{Machine, peak_memory_bytes};
+pub use params::{ParamsRecord, Preset, UnknownName, ties_name, ties_named};
+pub use pictures::Quantity;
+pub use record::{CardRecord, NodeRecord, PerRay, Record, write_records};
+pub use run::{Built, Settings, build, record, render_with};
+pub use stats::median;
+pub use write::write_whole;
+
+/// What can go wrong in the laboratory.
+#[derive(Debug, thiserror::Error)]
+pub enum LabError {
+    /// A tree could not be built.
+    #[error("the tree {tree} cannot be built: {source}")]
+    Build {
+        /// The tree.
+        tree: String,
+        /// Why.
+        source: splitplane::BuildError,
+    },
+    /// The scene could not be rendered.
+    #[error(transparent)]
+    Render(#[from] splitplane_render::render::RenderError),
+    /// No threads to work with.
+    #[error("cannot start the threads: {source}")]
+    Threads {
+        /// Why not.
+        source: rayon::ThreadPoolBuildError,
+    },
+    /// A file could not be written.
+    #[error("{} cannot be written: {source}", path.display())]
+    Write {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+}

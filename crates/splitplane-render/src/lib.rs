@@ -1,9 +1,14 @@
 //! Scenes, cameras, materials, lights and integrators: from a scene file to a picture, with
 //! splitplane's trees for the rays.
 //!
-//! [`scene::load`] reads a scene, [`render`] renders it with any tree.
+//! [`scene::load`] reads a scene, [`render::render`] renders it with any tree, [`output`] writes the picture.
 
 #![forbid(unsafe_code)]
 
+pub mod output;
+pub mod render;
+pub mod error;
 pub mod scene;
 pub mod transform;
+
+pub use error::SceneError;

@@ -6,7 +6,17 @@ pub mod material;
 pub mod settings;
 pub mod texture;
 
+mod geometry;
+mod image_file;
+mod pbrt;
+mod ply;
+mod polygon;
+mod subdivide;
+mod tessellate;
+
+use std::collections::BTreeMap;
 use std::ops::Range;
+use std::path::{Path, PathBuf};
 
 use splitplane::Mesh;
 
@@ -14,6 +24,8 @@ use camera::Camera;
 use light::{AreaLight, Light};
 use material::Material;
 use settings::{Film, Filter, Integrator, Sampler};
+
+use crate::error::SceneError;
 
 /// A scene, ready to be rendered. All geometry is in world space.
 #[derive(Clone, Debug)]
@@ -79,4 +91,26 @@ pub struct Note {
     pub text: String,
     /// Whether the scene is rendered otherwise than its file says.
     pub warning: bool,
+}
+
+/// How scenes are looked for and read.
+#[derive(Clone, Debug, Default)]
+pub struct LoadOptions {
+    /// The values of `$name` in files that are templates.
+    pub defines: BTreeMap<String, String>,
+    /// Folders in which scenes, and the files that they name, are looked for.
+    pub search: Vec<PathBuf>,
+}
+
+/// Reads a scene.
+///
+/// # Errors
+/// There is no such scene, or its files are wrong; the error tells where, and what would be
+/// accepted.
+pub fn load(name_or_path: &str, options: &LoadOptions) -> Result<Scene, SceneError> {
+    let path = Path::new(name_or_path);
+    let name = path
+        .file_stem()
+        .map_or(name_or_path.into(), |stem| stem.to_string_lossy());
+    pbrt::load(path, &name, options)
 }

@@ -1,0 +1,423 @@
+//! What the command line says.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
+use splitplane::{ObliquePricing, Ties, TreeChoice};
+use splitplane_lab::{Preset, Settings, ties_named};
+use splitplane_render::render::RenderSettings;
+
+/// Ray queries on triangle meshes with BSP trees whose split planes come from triangle normals:
+/// render a scene, build a tree, compare trees.
+#[derive(Debug, Parser)]
+#[command(
+    name = "splitplane",
+    version,
+    propagate_version = true,
+    max_term_width = 100,
+    after_help = "Examples:
+  splitplane compare truck --trees kd,wn+kd:6
+  splitplane render scene.pbrt --tree wn+kd:6 --spp 16
+  splitplane build model.ply --tree kd
+  splitplane cast model.ply --rays rays.npy --out hits.npz
+
+Exit codes: 0 done, 1 results differ that must not, 2 bad input, 130 interrupted."
+)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    Render(RenderCommand),
+    Build(BuildCommand),
+    Compare(CompareCommand),
+    Cast(CastCommand),
+    Trees(TreesCommand),
+    Scenes(ScenesCommand),
+}
+
+/// Render a scene to PNG and EXR.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  splitplane render truck
+  splitplane render killeroo-legs --tree wn+kd:6 --spp 64 --out pictures
+  splitplane render room.pbrt --crop 0.4,0.6,0.4,0.6 --max-depth 3")]
+pub struct RenderCommand {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The tree that answers the rays, e.g. kd or wn+kd:6 [default: the one that the scene
+    /// names, or else the first of `splitplane trees`]
+    #[arg(long)]
+    pub tree: Option<TreeChoice>,
+    #[command(flatten)]
+    pub build: BuildArgs,
+    #[command(flatten)]
+    pub picture: PictureArgs,
+    /// Write the record of the run to this file [default: none]
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    #[command(flatten)]
+    pub out: OutArgs,
+    #[command(flatten)]
+    pub general: GeneralArgs,
+}
+
+/// Build a tree over a scene's triangles and print its card: nodes, leaves, expected cost.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  splitplane build truck --tree wn+kd:6
+  splitplane build model.ply --tree kd --preset thesis --json")]
+pub struct BuildCommand {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The tree, e.g. kd or wn+kd:6
+    #[arg(long)]
+    pub tree: TreeChoice,
+    #[command(flatten)]
+    pub build: BuildArgs,
+    /// Print the card as JSON
+    #[arg(long)]
+    pub json: bool,
+    #[command(flatten)]
+    pub general: GeneralArgs,
+}
+
+/// Render a scene with several trees and compare what each costs.
+///
+/// Each tree is built, renders the scene without counters for its time, and once more with
+/// counters. All pictures must be the same, bit by bit.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  splitplane compare truck --trees kd,wn+kd:6
+  splitplane compare killeroo-legs --trees kd,wn+kd:3,wn+kd:6 --repeat 7 --threads 1
+  splitplane compare arcade:200000 --trees kd,wn+kd:6 --ties tolerant --spp 4")]
+pub struct CompareCommand {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The trees, separated by commas; the first is the measure of the others
+    #[arg(
+        long,
+        required = true,
+        value_delimiter = ',',
+        value_name = "TREE,TREE,..."
+    )]
+    pub trees: Vec<TreeChoice>,
+    /// Build and render with each tree this many times, interleaved; times are medians
+    #[arg(long, default_value_t = 1, value_name = "N", value_parser = value_parser!(u32).range(1..=1000))]
+    pub repeat: u32,
+    #[command(flatten)]
+    pub build: BuildArgs,
+    #[command(flatten)]
+    pub picture: PictureArgs,
+    /// Write the records to this file [default: SCENE.json in the folder for output]
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+    #[command(flatten)]
+    pub out: OutArgs,
+    #[command(flatten)]
+    pub general: GeneralArgs,
+}
+
+/// Cast rays from a NumPy file at a mesh and write the hits as NumPy arrays.
+///
+/// RAYS.npy is an array of numbers (N,6): origin and direction, or (N,8): origin, direction,
+/// tnear, tfar; float32 (float64 is rounded to it). Hits count where tnear < t <= tfar, t in
+/// multiples of the direction's length. A ray with a NaN or an infinite number (tfar apart), or
+/// without a direction, misses.
+///
+/// HITS.npz holds, for `closest`: t (float32, inf: a miss), triangle (uint32, 0xFFFFFFFF: a miss;
+/// in the order of the file, after triangulation), u and v (float32, the weights of the
+/// triangle's second and third vertex); for `any`: occluded (bool).
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  splitplane cast model.ply --rays rays.npy --out hits.npz
+  splitplane cast truck --rays rays.npy --query any --tree wn+kd:6 --out hits.npz
+
+In Python:
+  np.save('rays.npy', np.hstack([origins, directions]).astype(np.float32))
+  hits = np.load('hits.npz'); hits['t'], hits['triangle']")]
+pub struct CastCommand {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The rays
+    #[arg(long, value_name = "RAYS.npy")]
+    pub rays: PathBuf,
+    /// What to look for along each ray
+    #[arg(long, value_enum, default_value_t = Query::Closest, ignore_case = true)]
+    pub query: Query,
+    /// The tree that answers, e.g. kd or wn+kd:6 [default: the first of `splitplane trees`]
+    #[arg(long)]
+    pub tree: Option<TreeChoice>,
+    #[command(flatten)]
+    pub build: BuildArgs,
+    /// Where the hits go
+    #[arg(long, value_name = "HITS.npz")]
+    pub out: PathBuf,
+    #[command(flatten)]
+    pub general: GeneralArgs,
+}
+
+/// What to look for along a ray.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Query {
+    /// The nearest hit
+    Closest,
+    /// Whether anything is hit
+    Any,
+}
+
+/// List the trees that can be built.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:
+  splitplane trees
+
+Names are taken in upper or lower case; the thesis's and its pbrt fork's names are taken too. A
+tree with :k takes a number of directions, as in wn+kd:6.")]
+pub struct TreesCommand {}
+
+/// List the scenes that are known by name.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  splitplane scenes
+  splitplane scenes --scenes ~/scenes")]
+pub struct ScenesCommand {
+    #[command(flatten)]
+    pub search: SearchArgs,
+}
+
+/// Which scene, and where to find it.
+#[derive(Debug, Args)]
+pub struct SceneArgs {
+    /// A scene by name (see `splitplane scenes`), or a file: .pbrt, .ply, .obj, .stl
+    pub scene: String,
+    /// Put VALUE in place of $NAME in a .pbrt file; may be repeated
+    #[arg(long = "define", value_name = "NAME=VALUE", value_parser = definition)]
+    pub definitions: Vec<(String, String)>,
+    #[command(flatten)]
+    pub search: SearchArgs,
+}
+
+/// Where scenes are looked for.
+#[derive(Debug, Args)]
+pub struct SearchArgs {
+    /// Look for scenes in this folder first; may be repeated. After it come those of
+    /// SPLITPLANE_SCENES
+    #[arg(long, value_name = "DIR")]
+    pub scenes: Vec<PathBuf>,
+}
+
+/// How trees are built.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "How trees are built")]
+pub struct BuildArgs {
+    /// Build parameters by name: thesis or default [default: thesis in compare, else default]
+    #[arg(long)]
+    preset: Option<Preset>,
+    /// Triangles that touch a split plane: published (as in the thesis) or tolerant [default: as
+    /// the preset says]
+    #[arg(long, value_parser = ties_named)]
+    ties: Option<Ties>,
+    /// How oblique nodes are priced in trees with kd nodes [default: as the preset says]
+    #[arg(long, value_enum, ignore_case = true)]
+    pricing: Option<Pricing>,
+    /// Seed of the directions that are drawn at random
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    seed: u64,
+}
+
+/// How oblique nodes are priced in trees with kd nodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Pricing {
+    /// As the thesis's text says
+    Published,
+    /// As the thesis's code does
+    Fork,
+}
+
+/// What the picture is like; what is not said is as in the scene.
+#[derive(Debug, Args)]
+#[command(next_help_heading = "The picture [default: as the scene says]")]
+pub struct PictureArgs {
+    /// Samples per pixel
+    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..=1_000_000))]
+    spp: Option<u32>,
+    /// Size of the full picture in pixels; a width alone keeps the scene's proportions
+    #[arg(long, value_name = "WxH or W", value_parser = Resolution::parse)]
+    resolution: Option<Resolution>,
+    /// The part to render, in fractions of the picture from its left and top
+    #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = crop, allow_hyphen_values = true)]
+    crop: Option<[f32; 4]>,
+    /// The most bounces of a path
+    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(0..=10_000))]
+    max_depth: Option<u32>,
+    /// Seed of the samples; 0 gives those of pbrt-v3
+    #[arg(long, default_value_t = 0, value_name = "N")]
+    sample_seed: u64,
+}
+
+/// Where output goes.
+#[derive(Debug, Args)]
+pub struct OutArgs {
+    /// The folder for output; it is created
+    #[arg(long, default_value = "out", value_name = "DIR")]
+    pub out: PathBuf,
+}
+
+/// What all commands have.
+#[derive(Debug, Args)]
+pub struct GeneralArgs {
+    /// Threads [default: one per core]; results are the same for any number
+    #[arg(long, value_name = "N", value_parser = value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// No progress, notes or warnings
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// The size of a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Resolution {
+    Full(u32, u32),
+    Width(u32),
+}
+
+/// The widest and highest picture.
+const MAX_SIDE: u32 = 65_536;
+
+impl Resolution {
+    fn parse(text: &str) -> Result<Resolution, String> {
+        let side = |part: &str| {
+            part.trim()
+                .parse()
+                .ok()
+                .filter(|side| (1..=MAX_SIDE).contains(side))
+                .ok_or_else(|| {
+                    format!("a size is like 800x600 or 800, each number from 1 to {MAX_SIDE}")
+                })
+        };
+        match text.split_once(['x', 'X', '×']) {
+            Some((width, height)) => Ok(Resolution::Full(side(width)?, side(height)?)),
+            None => Ok(Resolution::Width(side(text)?)),
+        }
+    }
+
+    /// Width and height, given those of the scene.
+    fn of(self, (width, height): (u32, u32)) -> (u32, u32) {
+        match self {
+            Resolution::Full(width, height) => (width, height),
+            Resolution::Width(given) => {
+                let proportion = f64::from(height) / f64::from(width.max(1));
+                let height = (f64::from(given) * proportion).round() as u32;
+                (given, height.clamp(1, MAX_SIDE))
+            }
+        }
+    }
+}
+
+fn crop(text: &str) -> Result<[f32; 4], String> {
+    let accepted = || {
+        "a part of the picture is like 0.25,0.75,0,1: x0,x1,y0,y1 from 0 to 1, x0 < x1, y0 < y1"
+            .to_owned()
+    };
+    let numbers: Vec<f32> = text
+        .split(',')
+        .map(|part| part.trim().parse().map_err(|_| accepted()))
+        .collect::<Result<_, _>>()?;
+    let crop: [f32; 4] = numbers.try_into().map_err(|_| accepted())?;
+    let [x0, x1, y0, y1] = crop;
+    let inside = crop.iter().all(|c| (0.0..=1.0).contains(c));
+    (inside && x0 < x1 && y0 < y1)
+        .then_some(crop)
+        .ok_or_else(accepted)
+}
+
+fn definition(text: &str) -> Result<(String, String), String> {
+    match text.split_once('=') {
+        Some((name, value)) if !name.trim().is_empty() => Ok((
+            name.trim().trim_start_matches('$').to_owned(),
+            value.to_owned(),
+        )),
+        _ => Err("a definition is like NAME=VALUE".to_owned()),
+    }
+}
+
+impl GeneralArgs {
+    /// Threads; 0: one per core.
+    pub fn threads(&self) -> usize {
+        self.threads.map_or(0, usize::from)
+    }
+}
+
+impl BuildArgs {
+    /// The settings that the arguments ask for, all of rendering but the threads as in the scene.
+    pub fn settings(&self, default: Preset, general: &GeneralArgs) -> Settings {
+        let mut settings = Settings::of_preset(self.preset.unwrap_or(default));
+        let params = &mut settings.params;
+        params.ties = self.ties.unwrap_or(params.ties);
+        if let Some(pricing) = self.pricing {
+            let (ObliquePricing::Published { alpha } | ObliquePricing::Fork { alpha }) =
+                params.oblique_pricing;
+            params.oblique_pricing = match pricing {
+                Pricing::Published => ObliquePricing::Published { alpha },
+                Pricing::Fork => ObliquePricing::Fork { alpha },
+            };
+        }
+        params.seed = self.seed;
+        settings.render.threads = general.threads();
+        settings
+    }
+}
+
+impl PictureArgs {
+    /// Puts what the arguments ask for into `settings`; the scene's picture is `scene_size`.
+    pub fn apply(&self, settings: &mut RenderSettings, scene_size: (u32, u32)) {
+        settings.seed = self.sample_seed;
+        settings.samples_per_pixel = self.spp;
+        settings.resolution = self.resolution.map(|size| size.of(scene_size));
+        settings.crop = self.crop;
+        settings.max_depth = self.max_depth;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_command_line_is_consistent() {
+        use clap::CommandFactory;
+        Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_width_alone_keeps_the_proportions() {
+        assert_eq!(
+            Resolution::parse("300").unwrap().of((1000, 500)),
+            (300, 150)
+        );
+        assert_eq!(
+            Resolution::parse("30x40").unwrap().of((1000, 500)),
+            (30, 40)
+        );
+        for wrong in ["", "0", "10x", "x10", "10x10x10", "-5", "1e3", "99999999"] {
+            assert!(Resolution::parse(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_crop_lies_inside_the_picture() {
+        assert_eq!(crop("0, 0.5 ,0.25,1"), Ok([0.0, 0.5, 0.25, 1.0]));
+        for wrong in [
+            "",
+            "0,1,0",
+            "0.5,0.5,0,1",
+            "0,1,0,1.5",
+            "0,nan,0,1",
+            "0,1,0,1,0",
+        ] {
+            assert!(crop(wrong).is_err(), "{wrong}");
+        }
+    }
+}

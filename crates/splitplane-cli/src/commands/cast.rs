@@ -1,0 +1,226 @@
+//! `splitplane cast`: rays from a NumPy file, hits to one.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read};
+use std::path::Path;
+
+use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder, npz::NpzWriter};
+use rayon::prelude::*;
+use splitplane::{Hit, Ray, TREES, Tree, TreeChoice};
+use splitplane_lab::{LabError, Preset, build, write_whole};
+
+use crate::args::{CastCommand, Query};
+use crate::failure::Failure;
+use crate::numbers::{grouped, seconds};
+use crate::progress::{self, Bar};
+use crate::{print, scene};
+
+pub fn run(command: &CastCommand) -> Result<(), Failure> {
+    let quiet = command.general.quiet;
+    let rays = read_rays(&command.rays)
+        .map_err(|error| Failure::input(format!("{}: {error}", command.rays.display())))?;
+    let settings = command.build.settings(Preset::Default, &command.general);
+    let scene = scene::load(&command.scene, quiet)?;
+    let tree = match command.tree {
+        Some(tree) => tree,
+        None => TreeChoice::new(TREES[0].name, None).map_err(Failure::input)?,
+    };
+    let bar = Bar::new(quiet, 1, 1);
+    bar.spin(format!("{tree}: building the tree"));
+    let built = build(&scene.mesh, tree, &settings)?;
+    bar.spin(format!("casting {} rays", grouped(rays.len() as u64)));
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(command.general.threads())
+        .build()
+        .map_err(|source| LabError::Threads { source })?;
+    let start = std::time::Instant::now();
+    let hits = pool.install(|| Hits::of(&built.tree, &rays, command.query));
+    let elapsed = start.elapsed().as_secs_f64();
+    progress::clear();
+
+    write_whole(&command.out, |file| hits.write(&mut NpzWriter::new(file))).map_err(|source| {
+        LabError::Write {
+            path: command.out.clone(),
+            source,
+        }
+    })?;
+    print::line(&format!(
+        "{} of {} rays hit {} ({} triangles; {tree} built in {}, cast in {})",
+        grouped(hits.count() as u64),
+        grouped(rays.len() as u64),
+        scene.name,
+        grouped(scene.mesh.triangles().len() as u64),
+        seconds(built.seconds),
+        seconds(elapsed),
+    ))?;
+    print::line(&format!("wrote {}", command.out.display()))?;
+    Ok(())
+}
+
+/// What is wrong with a file of rays.
+#[derive(Debug)]
+enum RaysError {
+    Io(io::Error),
+    Not(String),
+}
+
+impl std::fmt::Display for RaysError {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            RaysError::Io(error) => error.fmt(f),
+            RaysError::Not(text) => f.write_str(text),
+        }
+    }
+}
+
+impl From<io::Error> for RaysError {
+    fn from(error: io::Error) -> Self {
+        RaysError::Io(error)
+    }
+}
+
+/// The rays of a `.npy` file: (N,6) or (N,8), float32 or float64, in C or Fortran order.
+fn read_rays(path: &Path) -> Result<Vec<Ray>, RaysError> {
+    let file = File::open(path)?;
+    let metadata = file.metadata()?;
+    if metadata.is_dir() {
+        return Err(RaysError::Not("is a folder, not a .npy file".into()));
+    }
+    let size = metadata.is_file().then_some(metadata.len());
+    let npy = NpyFile::new(BufReader::new(file))
+        .map_err(|error| RaysError::Not(format!("is not a .npy file: {error}")))?;
+    let accepted = "rays are (N,6): origin, direction; or (N,8): origin, direction, tnear, tfar";
+    let (count, columns) = match npy.shape() {
+        &[count, columns @ (6 | 8)] => (count, columns as usize),
+        shape => {
+            return Err(RaysError::Not(format!(
+                "has the shape {}; {accepted}",
+                shape_text(shape)
+            )));
+        }
+    };
+    let width = match npy.dtype() {
+        DType::Plain(plain) if plain.type_char() == TypeChar::Float => plain.size_field(),
+        _ => 0,
+    };
+    if !matches!(width, 4 | 8) {
+        return Err(RaysError::Not(format!(
+            "holds {}; rays are float32 (or float64)",
+            npy.dtype().descr()
+        )));
+    }
+    // Before any memory is asked for: a header may promise more than any machine has.
+    let needed = u128::from(count) * columns as u128 * u128::from(width);
+    if let Some(size) = size.filter(|&size| u128::from(size) < needed) {
+        return Err(RaysError::Not(format!(
+            "is cut short: {count} rays need {needed} bytes, the file has {size}"
+        )));
+    }
+    let order = npy.order();
+    let numbers: Vec<f32> = if width == 4 {
+        numbers::<f32, _>(npy, |x| x)?
+    } else {
+        numbers::<f64, _>(npy, |x| x as f32)?
+    };
+    let count = numbers.len() / columns;
+    let at = |ray: usize, column: usize| match order {
+        Order::C => numbers[ray * columns + column],
+        Order::Fortran => numbers[column * count + ray],
+    };
+    let ray = |i: usize| {
+        let mut ray = Ray::new(
+            std::array::from_fn(|axis| at(i, axis)),
+            std::array::from_fn(|axis| at(i, 3 + axis)),
+        );
+        if columns == 8 {
+            (ray.t_min, ray.t_max) = (at(i, 6), at(i, 7));
+        }
+        ray
+    };
+    Ok((0..count).map(ray).collect())
+}
+
+fn numbers<T: npyz::Deserialize, R: Read>(
+    npy: NpyFile<R>,
+    narrow: impl Fn(T) -> f32,
+) -> Result<Vec<f32>, RaysError> {
+    let data = npy
+        .data::<T>()
+        .map_err(|error| RaysError::Not(error.to_string()))?;
+    data.map(|number| number.map(&narrow))
+        .collect::<io::Result<_>>()
+        .map_err(|error| RaysError::Not(format!("is cut short: {error}")))
+}
+
+/// A shape as Python writes it: `(4,)`, `(10, 7)`.
+fn shape_text(shape: &[u64]) -> String {
+    match shape {
+        [one] => format!("({one},)"),
+        many => format!(
+            "({})",
+            many.iter()
+                .map(u64::to_string)
+                .collect::<Vec<_>>()
+                .join(", ")
+        ),
+    }
+}
+
+/// The answers, in the order of the rays.
+enum Hits {
+    Closest(Vec<Option<Hit>>),
+    Any(Vec<bool>),
+}
+
+impl Hits {
+    fn of(tree: &Tree, rays: &[Ray], query: Query) -> Hits {
+        // Enough rays at a time that handing them out costs nothing.
+        let rays = rays.par_iter().with_min_len(1024);
+        match query {
+            Query::Closest => {
+                Hits::Closest(rays.map(|ray| tree.closest_hit(ray, &mut ())).collect())
+            }
+            Query::Any => Hits::Any(rays.map(|ray| tree.any_hit(ray, &mut ())).collect()),
+        }
+    }
+
+    fn count(&self) -> usize {
+        match self {
+            Hits::Closest(hits) => hits.iter().flatten().count(),
+            Hits::Any(hits) => hits.iter().filter(|hit| **hit).count(),
+        }
+    }
+
+    fn write<W: io::Write + io::Seek>(&self, npz: &mut NpzWriter<W>) -> io::Result<()> {
+        match self {
+            Hits::Closest(hits) => {
+                let or_miss = |value: fn(&Hit) -> f32, miss: f32| {
+                    hits.iter().map(move |hit| hit.as_ref().map_or(miss, value))
+                };
+                array(npz, "t", hits.len(), or_miss(|hit| hit.t, f32::INFINITY))?;
+                let triangles = hits
+                    .iter()
+                    .map(|hit| hit.map_or(u32::MAX, |hit| hit.triangle));
+                array(npz, "triangle", hits.len(), triangles)?;
+                array(npz, "u", hits.len(), or_miss(|hit| hit.u, 0.0))?;
+                array(npz, "v", hits.len(), or_miss(|hit| hit.v, 0.0))
+            }
+            Hits::Any(hits) => array(npz, "occluded", hits.len(), hits.iter().copied()),
+        }
+    }
+}
+
+fn array<T: npyz::AutoSerialize, W: io::Write + io::Seek>(
+    npz: &mut NpzWriter<W>,
+    name: &str,
+    count: usize,
+    values: impl Iterator<Item = T>,
+) -> io::Result<()> {
+    let mut writer = npz
+        .array(name, Default::default())?
+        .default_dtype()
+        .shape(&[count as u64])
+        .begin_nd()?;
+    writer.extend(values)?;
+    writer.finish()
+}

@@ -1,0 +1,202 @@
+//! `splitplane compare`.
+
+use std::path::{Path, PathBuf};
+
+use splitplane::TreeChoice;
+use splitplane_lab::{
+    Comparison, Difference, Preset, Quantity, Record, Row, Unit, compare, peak_memory_bytes, rows,
+    write_records,
+};
+use splitplane_render::output::{write_exr, write_false_colour, write_png};
+
+use crate::args::CompareCommand;
+use crate::failure::Failure;
+use crate::numbers::{bytes, grouped, measured, percent, seconds};
+use crate::progress::{self, Bar};
+use crate::{print, scene};
+
+pub fn run(command: &CompareCommand) -> Result<(), Failure> {
+    let trees = &command.trees;
+    for (i, tree) in trees.iter().enumerate() {
+        if trees[..i].contains(tree) {
+            return Err(Failure::input(format!("--trees names {tree} twice")));
+        }
+    }
+    let quiet = command.general.quiet;
+    let mut settings = command.build.settings(Preset::Thesis, &command.general);
+    let scene = scene::load(&command.scene, quiet)?;
+    command
+        .picture
+        .apply(&mut settings.render, (scene.film.width, scene.film.height));
+
+    let steps = trees.len() * (2 * command.repeat as usize + 1);
+    let bar = Bar::new(quiet, steps, command.repeat);
+    let found = compare(&scene, trees, &settings, command.repeat, &bar)?;
+    progress::clear();
+    let Some(first) = found.records.first() else {
+        return Err(Failure::input("--trees names no tree"));
+    };
+    if first.machine.is_busy() && !quiet {
+        print::warning(&format!(
+            "the machine was busy when this began (load {} on {} cores): times may mislead",
+            measured(first.machine.load_1m.unwrap_or(0.0)),
+            first.machine.cores
+        ));
+    }
+
+    print::line(&conditions(first, command.repeat))?;
+    let (names, rows) = rows(&found.records);
+    print::line(&table(&names, &rows))?;
+
+    let written = write(command, &scene::file_name(&scene.name), &found)?;
+    if found.differences.is_empty() {
+        let renderings = found.records.len() + found.rendered.len();
+        print::line(&format!(
+            "The pictures of all {renderings} renderings are identical, bit by bit."
+        ))?;
+    }
+    if let Some(peak) = peak_memory_bytes() {
+        print::line(&format!("Peak memory: {}", bytes(peak)))?;
+    }
+    for (what, path) in written {
+        print::line(&format!("{what}: {}", path.display()))?;
+    }
+    match found.differences.as_slice() {
+        [] => Ok(()),
+        differences => Err(Failure::Difference(miette::miette!(
+            "{}",
+            differences.iter().map(told).collect::<Vec<_>>().join("\n")
+        ))),
+    }
+}
+
+/// What was measured, and how.
+fn conditions(record: &Record, repeat: u32) -> String {
+    let depth = match record.max_depth {
+        Some(depth) => format!(", {} to depth {depth}", record.integrator),
+        None => format!(", {}", record.integrator),
+    };
+    let crop = if record.crop == [0.0, 1.0, 0.0, 1.0] {
+        String::new()
+    } else {
+        format!(", {} of them rendered", grouped(record.pixels))
+    };
+    format!(
+        "{}: {} triangles, {} x {} pixels{crop}, {} samples per pixel{depth}\n\
+         {} parameters, ties {}, seed {}, {} thread{}, {}\n\
+         rays: {} camera, {} bounce, {} shadow",
+        record.scene,
+        grouped(record.triangles),
+        record.width,
+        record.height,
+        record.spp,
+        record.preset,
+        record.build_params.ties,
+        record.seed,
+        record.threads,
+        if record.threads == 1 { "" } else { "s" },
+        if repeat == 1 {
+            "one run".to_owned()
+        } else {
+            format!("medians of {repeat} interleaved runs")
+        },
+        grouped(record.rays.camera),
+        grouped(record.rays.bounce),
+        grouped(record.rays.shadow),
+    )
+}
+
+fn table(trees: &[String], rows: &[Row]) -> String {
+    let mut header = vec![String::new()];
+    for tree in trees {
+        header.push(tree.clone());
+    }
+    let cells = rows.iter().map(|row| {
+        let indent = if row.part { "  " } else { "" };
+        let mut cells = vec![format!("{indent}{}", row.label)];
+        for (i, &value) in row.values.iter().enumerate() {
+            let share = row.percent(i).map_or("–".to_owned(), percent);
+            let value = match row.unit {
+                Unit::Seconds => seconds(value),
+                Unit::Count => grouped(value as u64),
+                Unit::Cost => measured(value),
+                Unit::Bytes => bytes(value as u64),
+            };
+            cells.push(format!("{value} {share:>9}"));
+        }
+        cells
+    });
+    print::table(header, cells.collect()).trim_fmt()
+}
+
+/// Writes pictures and records; says what went where.
+fn write(
+    command: &CompareCommand,
+    scene: &str,
+    found: &Comparison,
+) -> Result<Vec<(&'static str, PathBuf)>, Failure> {
+    let out: &Path = &command.out.out;
+    let mut written = Vec::new();
+    let of_tree = |tree: &TreeChoice, rest: &str| {
+        out.join(format!(
+            "{scene}-{}{rest}",
+            scene::file_name(&tree.to_string())
+        ))
+    };
+    if let Some((_, picture)) = found.rendered.first() {
+        let path = out.join(format!("{scene}.png"));
+        write_png(&path, picture)?;
+        written.push(("picture", path));
+    }
+    for (tree, picture) in &found.rendered {
+        let path = of_tree(tree, ".exr");
+        write_exr(&path, picture)?;
+        written.push(("picture and counters", path));
+    }
+    for quantity in Quantity::ALL {
+        let values: Vec<Vec<f32>> = found
+            .rendered
+            .iter()
+            .map(|(_, picture)| quantity.per_sample(picture))
+            .collect();
+        let most = values
+            .iter()
+            .flatten()
+            .fold(0.0_f32, |most, &v| most.max(v));
+        for ((tree, picture), values) in found.rendered.iter().zip(&values) {
+            let path = of_tree(tree, &format!("-{}.png", quantity.file_label()));
+            let label = format!("{} per sample, {tree}", quantity.label());
+            let size = (picture.width, picture.height);
+            write_false_colour(&path, values, size, Some(most), &label)?;
+            written.push((quantity.label(), path));
+        }
+    }
+    let json = match &command.json {
+        Some(path) => path.clone(),
+        None => out.join(format!("{scene}.json")),
+    };
+    write_records(&json, &found.records)?;
+    written.push(("records", json));
+    Ok(written)
+}
+
+fn told(difference: &Difference) -> String {
+    match difference {
+        Difference::Picture {
+            tree,
+            repetition,
+            counted,
+            pixels,
+            first: (x, y),
+        } => format!(
+            "the picture with {tree} (repetition {}{}) differs in {pixels} pixels from the first, \
+             first at column {x}, row {y}",
+            repetition + 1,
+            if *counted { ", counting" } else { "" },
+        ),
+        Difference::Tree { tree, repetition } => format!(
+            "{tree} was another tree when it was built again (repetition {})",
+            repetition + 1
+        ),
+    }
+}

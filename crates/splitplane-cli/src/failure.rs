@@ -1,0 +1,47 @@
+//! How a command fails.
+
+use std::io;
+
+use miette::Report;
+use splitplane_lab::LabError;
+
+/// Why a command did not end well, by exit code.
+#[derive(Debug)]
+pub enum Failure {
+    /// What was asked for cannot be done: bad input, or a file that cannot be written.
+    Input(Report),
+    /// Results differ that must not.
+    Difference(Report),
+    /// Nobody reads our output any more.
+    BrokenPipe,
+}
+
+impl Failure {
+    /// Bad input, in one sentence.
+    pub fn input(message: impl std::fmt::Display) -> Failure {
+        Failure::Input(miette::miette!("{message}"))
+    }
+}
+
+/// An error of standard output; those of files have their own.
+impl From<io::Error> for Failure {
+    fn from(error: io::Error) -> Failure {
+        if error.kind() == io::ErrorKind::BrokenPipe {
+            Failure::BrokenPipe
+        } else {
+            Failure::input(format!("the output cannot be written: {error}"))
+        }
+    }
+}
+
+impl From<LabError> for Failure {
+    fn from(error: LabError) -> Failure {
+        Failure::input(error)
+    }
+}
+
+impl From<splitplane_render::output::OutputError> for Failure {
+    fn from(error: splitplane_render::output::OutputError) -> Failure {
+        Failure::input(error)
+    }
+}

@@ -1,0 +1,120 @@
+//! The progress bar: on standard error, on a terminal only.
+
+use std::io::IsTerminal;
+use std::sync::{Mutex, OnceLock};
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use splitplane_lab::{Step, Task, Watch};
+use splitplane_render::render::Progress;
+
+/// The bar on the screen, if any: what else is printed must not run into it.
+static SHOWN: Mutex<Option<ProgressBar>> = Mutex::new(None);
+
+fn shown() -> std::sync::MutexGuard<'static, Option<ProgressBar>> {
+    SHOWN
+        .lock()
+        .unwrap_or_else(std::sync::PoisonError::into_inner)
+}
+
+/// Takes the bar off the screen.
+pub fn clear() {
+    if let Some(bar) = shown().take() {
+        bar.finish_and_clear();
+    }
+}
+
+/// Does `work` with the bar off the screen meanwhile.
+pub fn suspend(work: impl FnOnce()) {
+    match &*shown() {
+        Some(bar) => bar.suspend(work),
+        None => work(),
+    }
+}
+
+/// A progress bar that follows a comparison, a rendering or a build.
+pub struct Bar {
+    bar: ProgressBar,
+    /// Steps in all, and whether there are several repetitions.
+    steps: usize,
+    repeat: u32,
+    done: Mutex<usize>,
+}
+
+impl Bar {
+    /// A bar for that many steps; `quiet`: none is shown.
+    pub fn new(quiet: bool, steps: usize, repeat: u32) -> Bar {
+        let bar = if quiet || !std::io::stderr().is_terminal() {
+            ProgressBar::hidden()
+        } else {
+            let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::stderr());
+            bar.enable_steady_tick(Duration::from_millis(120));
+            *shown() = Some(bar.clone());
+            bar
+        };
+        Bar {
+            bar,
+            steps,
+            repeat,
+            done: Mutex::new(0),
+        }
+    }
+
+    /// Something of unknown length begins.
+    pub fn spin(&self, message: String) {
+        self.bar
+            .set_style(style("{spinner} {msg} ({elapsed})", &SPINNER));
+        self.bar.set_message(message);
+    }
+}
+
+static SPINNER: OnceLock<ProgressStyle> = OnceLock::new();
+static RAYS: OnceLock<ProgressStyle> = OnceLock::new();
+
+fn style(template: &str, cell: &OnceLock<ProgressStyle>) -> ProgressStyle {
+    cell.get_or_init(|| {
+        ProgressStyle::with_template(template)
+            .unwrap_or_else(|_| ProgressStyle::default_bar())
+            .progress_chars("━╸─")
+    })
+    .clone()
+}
+
+impl Progress for Bar {
+    fn advanced(&self, done: u64, total: u64) {
+        if self.bar.is_hidden() {
+            return;
+        }
+        self.bar.set_length(total);
+        self.bar.set_style(style(
+            "{spinner} {msg} {bar:30} {percent:>3} % ({eta} left)",
+            &RAYS,
+        ));
+        self.bar.set_position(done);
+    }
+}
+
+impl Watch for Bar {
+    fn step(&self, step: Step) {
+        let mut done = self
+            .done
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        *done += 1;
+        let task = match step.task {
+            Task::Build => "building the tree",
+            Task::Time => "rendering, timed",
+            Task::Count => "rendering, counting",
+        };
+        let repetition = if self.repeat > 1 {
+            format!(", repetition {} of {}", step.repetition + 1, self.repeat)
+        } else {
+            String::new()
+        };
+        self.bar.reset();
+        self.spin(format!(
+            "[{}/{}] {}: {task}{repetition}",
+            *done, self.steps, step.tree
+        ));
+    }
+}

@@ -1,0 +1,305 @@
+//! Trees on the same scene, side by side.
+
+use splitplane::TreeChoice;
+use splitplane_render::render::{Progress, Rendered};
+use splitplane_render::scene::Scene;
+
+use crate::LabError;
+use crate::record::{PerRay, Record};
+use crate::run::{Settings, build, record, render_with};
+use crate::stats::median;
+
+/// What a comparison is about to do.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Step {
+    /// With which tree.
+    pub tree: TreeChoice,
+    /// What.
+    pub task: Task,
+    /// Which repetition, from 0.
+    pub repetition: u32,
+}
+
+/// A part of a run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Task {
+    /// The tree is built.
+    Build,
+    /// The scene is rendered without counters, for its time.
+    Time,
+    /// The scene is rendered with counters.
+    Count,
+}
+
+/// Watches a comparison, and its renderings; may stop it while it renders.
+pub trait Watch: Progress {
+    /// The next step begins.
+    fn step(&self, _step: Step) {}
+}
+
+/// Watches nothing.
+impl Watch for () {}
+
+/// What a comparison found.
+#[derive(Clone, Debug)]
+pub struct Comparison {
+    /// One record per repetition and tree: all trees of the first repetition, then all of the
+    /// next.
+    pub records: Vec<Record>,
+    /// The renderings with counters, one per tree.
+    pub rendered: Vec<(TreeChoice, Rendered)>,
+    /// Where results differ that must not; empty if all is well.
+    pub differences: Vec<Difference>,
+}
+
+/// Results that differ although they must be the same.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Difference {
+    /// A picture is not, bit by bit, that of the first rendering of the first tree.
+    Picture {
+        /// The tree.
+        tree: TreeChoice,
+        /// Which repetition, from 0.
+        repetition: u32,
+        /// With counters.
+        counted: bool,
+        /// How many pixels differ.
+        pixels: usize,
+        /// Column and row of the first of them.
+        first: (u32, u32),
+    },
+    /// The same tree, built again, is another.
+    Tree {
+        /// The tree.
+        tree: TreeChoice,
+        /// Which repetition, from 0.
+        repetition: u32,
+    },
+}
+
+/// Builds and renders the scene with all trees, `repeat` times, interleaved (A B A B): what
+/// disturbs the machine disturbs all trees alike. Times are taken without counters; each tree is
+/// rendered once more with them.
+///
+/// # Errors
+/// A tree cannot be built, the scene cannot be rendered, or `watch` stopped it.
+pub fn compare(
+    scene: &Scene,
+    trees: &[TreeChoice],
+    settings: &Settings,
+    repeat: u32,
+    watch: &dyn Watch,
+) -> Result<Comparison, LabError> {
+    let mut found = Comparison {
+        records: Vec::new(),
+        rendered: Vec::new(),
+        differences: Vec::new(),
+    };
+    let mut reference: Option<Vec<[f32; 3]>> = None;
+    for repetition in 0..repeat {
+        for (i, &tree) in trees.iter().enumerate() {
+            let step = |task| {
+                watch.step(Step {
+                    tree,
+                    task,
+                    repetition,
+                });
+            };
+            step(Task::Build);
+            let built = build(&scene.mesh, tree, settings)?;
+            step(Task::Time);
+            let timed = render_with(scene, &built, settings, false, watch)?;
+            let reference = reference.get_or_insert_with(|| timed.radiance.clone());
+            let mut check = |picture: &Rendered, counted| {
+                found.differences.extend(difference(
+                    reference,
+                    picture,
+                    (tree, repetition, counted),
+                ));
+            };
+            check(&timed, false);
+            if repetition == 0 {
+                step(Task::Count);
+                let counted = render_with(scene, &built, settings, true, watch)?;
+                check(&counted, true);
+                found.rendered.push((tree, counted));
+            }
+            let counted = &found.rendered[i].1;
+            let record = record(
+                scene,
+                &built,
+                settings,
+                repetition,
+                counted,
+                (timed.seconds, false),
+            );
+            if repetition > 0 && !record.counts_like(&found.records[i]) {
+                found
+                    .differences
+                    .push(Difference::Tree { tree, repetition });
+            }
+            found.records.push(record);
+        }
+    }
+    Ok(found)
+}
+
+fn difference(
+    reference: &[[f32; 3]],
+    picture: &Rendered,
+    (tree, repetition, counted): (TreeChoice, u32, bool),
+) -> Option<Difference> {
+    let bits = |pixel: &[f32; 3]| pixel.map(f32::to_bits);
+    let mut differing = (reference.iter().zip(&picture.radiance).enumerate())
+        .filter(|(_, (a, b))| bits(a) != bits(b))
+        .map(|(i, _)| i as u32);
+    let first = differing.next()?;
+    Some(Difference::Picture {
+        tree,
+        repetition,
+        counted,
+        pixels: 1 + differing.count(),
+        first: (
+            picture.origin.0 + first % picture.width,
+            picture.origin.1 + first / picture.width,
+        ),
+    })
+}
+
+/// A line of a comparison's table: a quantity, one value per tree.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Row {
+    /// What it is.
+    pub label: &'static str,
+    /// Whether it is a part of the row above that is not.
+    pub part: bool,
+    /// Its unit.
+    pub unit: Unit,
+    /// The trees' values, in their order.
+    pub values: Vec<f64>,
+}
+
+/// What a number counts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Unit {
+    /// Seconds.
+    Seconds,
+    /// Things.
+    Count,
+    /// A cost, in the unit of the build parameters.
+    Cost,
+    /// Bytes.
+    Bytes,
+}
+
+impl Row {
+    /// A tree's value in per cent of the first tree's; `None` where that is 0.
+    pub fn percent(&self, tree: usize) -> Option<f64> {
+        let first = *self.values.first()?;
+        (first != 0.0).then(|| 100.0 * self.values.get(tree).copied().unwrap_or(f64::NAN) / first)
+    }
+}
+
+/// The trees of the records, in their order, and the table that compares them: medians of times
+/// over the repetitions, and counts, which do not vary.
+pub fn rows(records: &[Record]) -> (Vec<String>, Vec<Row>) {
+    let mut trees: Vec<(String, Vec<&Record>)> = Vec::new();
+    for record in records {
+        let name = record.tree_with_k();
+        match trees.iter_mut().find(|(tree, _)| *tree == name) {
+            Some((_, of_tree)) => of_tree.push(record),
+            None => trees.push((name, vec![record])),
+        }
+    }
+    let mut rows = Vec::new();
+    let mut add = |label, part, unit, value: &dyn Fn(&Record) -> f64| {
+        let of_tree = |(_, records): &(String, Vec<&Record>)| {
+            median(records.iter().map(|record| value(record))).unwrap_or(f64::NAN)
+        };
+        let values = trees.iter().map(of_tree).collect();
+        rows.push(Row {
+            label,
+            part,
+            unit,
+            values,
+        });
+    };
+    add("render time", false, Unit::Seconds, &|r| r.render_s);
+    add("build time", false, Unit::Seconds, &|r| r.build_s);
+    add("nodes", false, Unit::Count, &|r| r.nodes.total() as f64);
+    add("kd", true, Unit::Count, &|r| r.nodes.kd as f64);
+    add("oblique", true, Unit::Count, &|r| r.nodes.oblique as f64);
+    add("leaves", true, Unit::Count, &|r| r.nodes.leaf as f64);
+    add("empty leaves", true, Unit::Count, &|r| {
+        r.nodes.empty_leaf as f64
+    });
+    add("references", false, Unit::Count, &|r| r.references as f64);
+    add("size of the tree", false, Unit::Bytes, &|r| {
+        r.tree_bytes as f64
+    });
+    add("SAH cost", false, Unit::Cost, &|r| r.sah_cost);
+    type Counted = (&'static str, fn(&Record) -> PerRay);
+    let counted: [Counted; 3] = [
+        ("triangle tests", |r| r.triangle_tests),
+        ("interior node visits", interior_visits),
+        ("leaf visits", |r| r.leaf_visits),
+    ];
+    for (label, count) in counted {
+        add(label, false, Unit::Count, &|r| count(r).total() as f64);
+        add("camera rays", true, Unit::Count, &|r| {
+            count(r).camera as f64
+        });
+        add("bounce rays", true, Unit::Count, &|r| {
+            count(r).bounce as f64
+        });
+        add("shadow rays", true, Unit::Count, &|r| {
+            count(r).shadow as f64
+        });
+    }
+    (trees.into_iter().map(|(tree, _)| tree).collect(), rows)
+}
+
+fn interior_visits(record: &Record) -> PerRay {
+    let (kd, oblique) = (record.kd_visits, record.oblique_visits);
+    PerRay {
+        camera: kd.camera + oblique.camera,
+        bounce: kd.bounce + oblique.bounce,
+        shadow: kd.shadow + oblique.shadow,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_picture_that_differs_in_one_bit_is_found_with_its_pixel() {
+        let tree: TreeChoice = splitplane::TREES[0].name.parse().unwrap();
+        let mut picture = Rendered {
+            width: 3,
+            height: 2,
+            origin: (10, 20),
+            samples_per_pixel: 1,
+            radiance: vec![[0.5; 3]; 6],
+            depth: vec![],
+            normal: vec![],
+            rays: Default::default(),
+            counts: Default::default(),
+            pixel_counts: None,
+            seconds: 0.0,
+        };
+        let reference = picture.radiance.clone();
+        assert_eq!(difference(&reference, &picture, (tree, 0, false)), None);
+        picture.radiance[4][1] = 0.5_f32.next_up();
+        picture.radiance[5][2] = -0.5;
+        let expected = Difference::Picture {
+            tree,
+            repetition: 1,
+            counted: true,
+            pixels: 2,
+            first: (11, 21),
+        };
+        let found = difference(&reference, &picture, (tree, 1, true));
+        assert_eq!(found, Some(expected));
+    }
+}

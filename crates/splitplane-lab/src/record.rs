@@ -1,0 +1,307 @@
+//! The record of a run: what was measured, and what it takes to measure it again.
+
+use std::io::Write;
+use std::path::Path;
+
+use serde::{Deserialize, Serialize};
+use splitplane::TreeCard;
+use splitplane_render::render::RayKinds;
+
+use crate::machine::Machine;
+use crate::params::ParamsRecord;
+use crate::{Built, LabError, Settings, write_whole};
+
+/// One run: one tree, built and rendered. As JSON, its fields have these names.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Record {
+    /// The tree, without its number of directions: `wn+kd`.
+    pub tree: String,
+    /// The number of directions tested in a node; null for trees that take none.
+    pub k: Option<u32>,
+    /// The scene, by its short name.
+    pub scene: String,
+    /// Triangles of the scene.
+    pub triangles: u64,
+    /// Triangles among them that no ray can hit (not finite, or without area), and that the tree
+    /// leaves out.
+    pub triangles_skipped: u64,
+    /// Which of several runs of the same tree, from 0.
+    pub repetition: u32,
+    /// Seed of the build's random draws.
+    pub seed: u64,
+    /// Seed of the samples.
+    pub sample_seed: u64,
+    /// Threads that built and rendered.
+    pub threads: usize,
+    /// Samples per pixel.
+    pub spp: u32,
+    /// Pixels in a full row of the picture.
+    pub width: u32,
+    /// Full rows of the picture.
+    pub height: u32,
+    /// The part of the picture that was rendered, `[x_min, x_max, y_min, y_max]` in fractions.
+    pub crop: [f32; 4],
+    /// Pixels that were rendered.
+    pub pixels: u64,
+    /// How light was gathered: `path`, `directlighting`, `ambientocclusion`.
+    pub integrator: String,
+    /// The most bounces; null for an integrator without bounces.
+    pub max_depth: Option<u32>,
+    /// The name of the build parameters; single ones may differ, see `build_params`.
+    pub preset: String,
+    /// The build parameters.
+    pub build_params: ParamsRecord,
+    /// Time to build the tree, in seconds.
+    pub build_s: f64,
+    /// Time to render the picture, in seconds.
+    pub render_s: f64,
+    /// Whether counters ran while `render_s` was taken.
+    pub counted_while_timed: bool,
+    /// Nodes by kind.
+    pub nodes: NodeRecord,
+    /// Triangle references in all leaves.
+    pub references: u64,
+    /// Depth of the deepest leaf; the root's is 0.
+    pub depth: u32,
+    /// Times a node was split although no split beat the leaf.
+    pub bad_refines: u64,
+    /// SAH cost, normalised by the root's area.
+    pub sah_cost: f64,
+    /// Bytes of nodes and references.
+    pub tree_bytes: u64,
+    /// Rays that were cast.
+    pub rays: PerRay,
+    /// Triangles tested.
+    pub triangle_tests: PerRay,
+    /// Axis-aligned interior nodes visited.
+    pub kd_visits: PerRay,
+    /// Interior nodes with an oblique plane visited.
+    pub oblique_visits: PerRay,
+    /// Leaves visited.
+    pub leaf_visits: PerRay,
+    /// The most memory that the process had held by the end of the run, in bytes; null where the
+    /// system does not say.
+    pub peak_memory_bytes: Option<u64>,
+    /// The machine, and its load when the run began.
+    pub machine: Machine,
+    /// Version of Splitplane.
+    pub version: String,
+    /// Commit of Splitplane; "unknown" where it was built outside its repository.
+    pub commit: String,
+}
+
+/// Nodes by kind.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct NodeRecord {
+    /// Axis-aligned interior nodes.
+    pub kd: u64,
+    /// Interior nodes with an oblique plane.
+    pub oblique: u64,
+    /// Leaves, the empty ones included.
+    pub leaf: u64,
+    /// Leaves without a triangle.
+    pub empty_leaf: u64,
+}
+
+impl NodeRecord {
+    /// All nodes.
+    pub fn total(&self) -> u64 {
+        self.kd + self.oblique + self.leaf
+    }
+}
+
+impl From<splitplane::NodeCounts> for NodeRecord {
+    fn from(nodes: splitplane::NodeCounts) -> Self {
+        NodeRecord {
+            kd: nodes.kd,
+            oblique: nodes.oblique,
+            leaf: nodes.leaf,
+            empty_leaf: nodes.empty_leaf,
+        }
+    }
+}
+
+impl From<RayKinds<u64>> for PerRay {
+    fn from(kinds: RayKinds<u64>) -> Self {
+        PerRay {
+            camera: kinds.camera,
+            bounce: kinds.bounce,
+            shadow: kinds.shadow,
+        }
+    }
+}
+
+/// A number for each kind of ray. Camera and bounce rays look for the closest hit, shadow rays
+/// for any.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PerRay {
+    /// Rays from the camera.
+    pub camera: u64,
+    /// Rays from surfaces onward.
+    pub bounce: u64,
+    /// Rays from surfaces to lights.
+    pub shadow: u64,
+}
+
+impl PerRay {
+    /// All kinds of rays together.
+    pub fn total(&self) -> u64 {
+        self.camera + self.bounce + self.shadow
+    }
+}
+
+impl Record {
+    /// The tree with its number of directions: `wn+kd:6`.
+    pub fn tree_with_k(&self) -> String {
+        match self.k {
+            Some(k) => format!("{}:{k}", self.tree),
+            None => self.tree.clone(),
+        }
+    }
+
+    /// Whether two runs counted the same: nodes, rays, tests and visits.
+    pub fn counts_like(&self, other: &Record) -> bool {
+        let counts = |r: &Record| {
+            (
+                (r.nodes, r.references, r.depth, r.bad_refines),
+                (r.rays, r.triangle_tests),
+                (r.kd_visits, r.oblique_visits, r.leaf_visits),
+            )
+        };
+        counts(self) == counts(other)
+    }
+}
+
+/// Version and commit of Splitplane.
+pub(crate) fn version_and_commit() -> (String, String) {
+    (
+        env!("CARGO_PKG_VERSION").to_owned(),
+        env!("SPLITPLANE_COMMIT").to_owned(),
+    )
+}
+
+/// A tree card as JSON holds it: [`TreeCard`], and how the tree came to be.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct CardRecord {
+    /// The tree, without its number of directions.
+    pub tree: String,
+    /// The number of directions tested in a node; null for trees that take none.
+    pub k: Option<u32>,
+    /// The scene, by its short name.
+    pub scene: String,
+    /// Triangles of the scene.
+    pub triangles: u64,
+    /// Triangles among them that no ray can hit because a coordinate is not finite or too large.
+    pub skipped_not_finite: u64,
+    /// Triangles among them that no ray can hit because they have no area.
+    pub skipped_degenerate: u64,
+    /// Seed of the build's random draws.
+    pub seed: u64,
+    /// Threads that built.
+    pub threads: usize,
+    /// The name of the build parameters.
+    pub preset: String,
+    /// The build parameters.
+    pub build_params: ParamsRecord,
+    /// Time to build the tree, in seconds.
+    pub build_s: f64,
+    /// Nodes by kind.
+    pub nodes: NodeRecord,
+    /// Triangle references in all leaves.
+    pub references: u64,
+    /// Depth of the deepest leaf; the root's is 0.
+    pub depth: u32,
+    /// Times a node was split although no split beat the leaf.
+    pub bad_refines: u64,
+    /// Split candidates whose cost was computed.
+    pub candidates: u64,
+    /// Splits whose cells kept their parent's shape because it was too thin to be cut.
+    pub uncut_cells: u64,
+    /// Triangles in the largest leaf.
+    pub largest_leaf: u64,
+    /// Leaves by their number of triangles: `[triangles, leaves]`, ascending.
+    pub leaf_sizes: Vec<(u32, u64)>,
+    /// Interior nodes by depth, `[kd, oblique]`, from the root's.
+    pub interior_by_depth: Vec<(u64, u64)>,
+    /// Expected interior node visits of a random line through the scene's box.
+    pub expected_visits: f64,
+    /// Expected triangle tests of such a line, all leaves on it tested.
+    pub expected_tests: f64,
+    /// SAH cost, normalised by the root's area.
+    pub sah_cost: f64,
+    /// Bytes of nodes and references.
+    pub tree_bytes: u64,
+    /// The machine, and its load when the build began.
+    pub machine: Machine,
+    /// Version of Splitplane.
+    pub version: String,
+    /// Commit of Splitplane.
+    pub commit: String,
+}
+
+impl CardRecord {
+    /// The record of a tree that [`crate::build`] built.
+    pub fn new(built: &Built, scene: &str, settings: &Settings) -> CardRecord {
+        let (version, commit) = version_and_commit();
+        let mesh = built.tree.mesh();
+        let TreeCard {
+            choice,
+            triangles: _,
+            nodes,
+            references,
+            depth,
+            largest_leaf,
+            leaf_sizes,
+            depths,
+            expected_visits,
+            expected_tests,
+            sah_cost,
+            bytes,
+            build,
+        } = built.card.clone();
+        CardRecord {
+            tree: choice.spec.name.to_owned(),
+            k: choice.direction_count,
+            scene: scene.to_owned(),
+            triangles: mesh.triangles().len() as u64,
+            skipped_not_finite: mesh.skipped().not_finite as u64,
+            skipped_degenerate: mesh.skipped().degenerate as u64,
+            seed: settings.params.seed,
+            threads: built.threads,
+            preset: settings.preset.name().to_owned(),
+            build_params: ParamsRecord::from(&settings.params),
+            build_s: built.seconds,
+            nodes: nodes.into(),
+            references,
+            depth,
+            bad_refines: build.bad_refines,
+            candidates: build.candidates,
+            uncut_cells: build.uncut_cells,
+            largest_leaf,
+            leaf_sizes,
+            interior_by_depth: depths,
+            expected_visits,
+            expected_tests,
+            sah_cost,
+            tree_bytes: bytes,
+            machine: built.machine.clone(),
+            version,
+            commit,
+        }
+    }
+}
+
+/// Writes records to a file as one JSON array; the file is there whole or not at all.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_records(path: &Path, records: &[Record]) -> Result<(), LabError> {
+    write_whole(path, |file| {
+        serde_json::to_writer_pretty(&mut *file, records)?;
+        file.write_all(b"\n")
+    })
+    .map_err(|source| LabError::Write {
+        path: path.to_owned(),
+        source,
+    })
+}

@@ -1,0 +1,208 @@
+//! How light is gathered along a camera ray.
+
+mod ambient;
+mod direct;
+mod path;
+
+use glam::{Vec2, Vec3};
+use splitplane::{Hit, Ray, Tree};
+
+use super::bsdf::{Bsdf, Kinds, bsdf_of};
+use super::interaction::Interaction;
+use super::light::Lights;
+use super::light_choice::LightChoice;
+use super::sampler::{Sampler, Sequence};
+use super::sampling::power_heuristic;
+use super::tracer::Tracer;
+use crate::scene::settings::{Integrator, LightStrategy};
+use crate::scene::{Scene, Shape};
+
+/// No ray passes through more surfaces in a row that do not scatter; it could meet one again and
+/// again where coordinates are too coarse to leave it.
+const MAX_PASSES: u32 = 1000;
+
+/// What all threads share.
+pub(super) struct World<'s> {
+    pub(super) scene: &'s Scene,
+    pub(super) lights: &'s Lights<'s>,
+    pub(super) choice: LightChoice<'s>,
+    pub(super) integrator: Integrator,
+    /// The shape of every triangle.
+    shape_of: Vec<u32>,
+    from_infinity: Vec3,
+}
+
+impl<'s> World<'s> {
+    /// The shapes of `scene` must cover its triangles in order.
+    pub(super) fn new(scene: &'s Scene, lights: &'s Lights<'s>, integrator: Integrator) -> Self {
+        let strategy = match integrator {
+            Integrator::Path { light_strategy, .. } => light_strategy,
+            Integrator::Direct { .. } | Integrator::AmbientOcclusion { .. } => {
+                LightStrategy::Uniform
+            }
+        };
+        let mut shape_of = Vec::with_capacity(scene.mesh.triangles().len());
+        for (index, shape) in (0..).zip(&scene.shapes) {
+            shape_of.extend(shape.triangles.clone().map(|_| index));
+        }
+        World {
+            scene,
+            lights,
+            choice: LightChoice::new(strategy, lights, scene.mesh.bounds()),
+            integrator,
+            shape_of,
+            from_infinity: lights.radiance_from_infinity(),
+        }
+    }
+
+    fn shape(&self, triangle: u32) -> &'s Shape {
+        &self.scene.shapes[self.shape_of[triangle as usize] as usize]
+    }
+
+    fn interaction(&self, ray: &Ray, hit: &Hit) -> Interaction {
+        Interaction::new(self.scene, self.shape(hit.triangle), ray, hit)
+    }
+
+    fn bsdf(&self, at: &Interaction, one_lobe_glass: bool) -> Option<Bsdf> {
+        let material = self.shape(at.triangle).material;
+        bsdf_of(&self.scene.materials[material as usize], at, one_lobe_glass)
+    }
+
+    fn emitted(&self, at: &Interaction, w: Vec3) -> Vec3 {
+        self.lights.emitted(self.shape(at.triangle), at, w)
+    }
+
+    fn is_light(&self, at: &Interaction, light: u32) -> bool {
+        let shape = self.shape_of[at.triangle as usize];
+        self.lights.light_of(shape, at.triangle) == Some(light)
+    }
+}
+
+/// Where a camera ray first met a surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct FirstHit {
+    /// In scene units.
+    pub(super) distance: f32,
+    /// The shading normal.
+    pub(super) normal: Vec3,
+}
+
+/// What a camera ray brought.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Gathered {
+    pub(super) radiance: Vec3,
+    pub(super) first: Option<FirstHit>,
+}
+
+/// One thread's means: rays, random numbers, and room to work in.
+pub(super) struct Gatherer<'w, const COUNT: bool> {
+    pub(super) world: &'w World<'w>,
+    pub(super) tracer: Tracer<'w, COUNT>,
+    pub(super) sampler: Sampler<'w>,
+    pending: Vec<direct::Pending>,
+}
+
+impl<'w, const COUNT: bool> Gatherer<'w, COUNT> {
+    pub(super) fn new(world: &'w World<'w>, tree: &'w Tree, sequence: &'w Sequence) -> Self {
+        Gatherer {
+            world,
+            tracer: Tracer::new(tree),
+            sampler: Sampler::new(sequence),
+            pending: vec![],
+        }
+    }
+
+    /// What arrives along a camera ray; the sampler must be at its sample, after the numbers that
+    /// the camera took.
+    pub(super) fn gather(&mut self, ray: &Ray) -> Gathered {
+        match self.world.integrator {
+            Integrator::Path {
+                max_depth,
+                rr_threshold,
+                ..
+            } => self.path(ray, max_depth, rr_threshold),
+            Integrator::Direct {
+                max_depth,
+                all_lights,
+            } => self.direct(ray, max_depth, all_lights),
+            Integrator::AmbientOcclusion { cosine, samples } => self.ambient(ray, cosine, samples),
+        }
+    }
+
+    /// Casts a camera ray and says where it hit.
+    fn first_hit(&mut self, ray: &Ray) -> (Option<Interaction>, Option<FirstHit>) {
+        let Some(hit) = self.tracer.camera(ray) else {
+            return (None, None);
+        };
+        let at = self.world.interaction(ray, &hit);
+        let first = FirstHit {
+            distance: hit.t * Vec3::from(ray.direction).length(),
+            normal: at.shading_normal,
+        };
+        (Some(at), Some(first))
+    }
+
+    fn bounce(&mut self, ray: &Ray) -> Option<Interaction> {
+        let hit = self.tracer.bounce(ray)?;
+        Some(self.world.interaction(ray, &hit))
+    }
+
+    /// Direct light from one light, chosen at random.
+    fn light_from_one(&mut self, at: &Interaction, bsdf: &Bsdf) -> Vec3 {
+        if self.world.lights.count() == 0 {
+            return Vec3::ZERO;
+        }
+        let u = self.sampler.next_1d();
+        let picked = self.world.choice.pick(at.place.p, u);
+        let Some((light, probability)) = picked else {
+            return Vec3::ZERO;
+        };
+        let (u_light, u_scattering) = (self.sampler.next_2d(), self.sampler.next_2d());
+        self.light_from(light, at, bsdf, u_light, u_scattering) / probability
+    }
+
+    /// Direct light from one light: a direction drawn by the light and one drawn by the surface,
+    /// weighted [PBRT3, 14.3.1]. Lights without extent take the first only.
+    fn light_from(
+        &mut self,
+        light: u32,
+        at: &Interaction,
+        bsdf: &Bsdf,
+        u_light: Vec2,
+        u_scattering: Vec2,
+    ) -> Vec3 {
+        let lights = self.world.lights;
+        let delta = lights.is_delta(light);
+        let mut sum = Vec3::ZERO;
+        if let Some(sample) = lights.sample(light, &at.place, u_light) {
+            let f = bsdf.f(at.wo, sample.wi, Kinds::NOT_SPECULAR)
+                * sample.wi.dot(at.shading_normal).abs();
+            if f != Vec3::ZERO && !self.tracer.blocked(&at.place.ray_to(&sample.source)) {
+                let weight = if delta {
+                    1.0
+                } else {
+                    let other = bsdf.pdf(at.wo, sample.wi, Kinds::NOT_SPECULAR);
+                    power_heuristic(sample.pdf, other)
+                };
+                sum += f * sample.radiance * (weight / sample.pdf);
+            }
+        }
+        if delta {
+            return sum;
+        }
+        let Some(sample) = bsdf.sample(at.wo, u_scattering, Kinds::NOT_SPECULAR) else {
+            return sum;
+        };
+        let f = sample.f * sample.wi.dot(at.shading_normal).abs();
+        let other = lights.pdf(light, &at.place, sample.wi);
+        if f == Vec3::ZERO || other == 0.0 {
+            return sum;
+        }
+        let found = match self.bounce(&at.place.ray(sample.wi)) {
+            Some(hit) if self.world.is_light(&hit, light) => self.world.emitted(&hit, -sample.wi),
+            Some(_) => Vec3::ZERO,
+            None => lights.radiance_of_miss(light),
+        };
+        sum + f * found * (power_heuristic(sample.pdf, other) / sample.pdf)
+    }
+}

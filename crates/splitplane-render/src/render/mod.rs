@@ -1,0 +1,333 @@
+//! From a scene and a tree to a picture, and to what every ray cost.
+//!
+//! [`render`] follows pbrt-v3 [PBRT3] in everything that decides which rays are cast: samples,
+//! camera, filters, scattering functions, lights, integrators. So the number of rays of each kind
+//! can be compared with pbrt-v3's, and not only the picture.
+
+mod bsdf;
+mod camera;
+mod film;
+mod filter;
+mod integrator;
+mod interaction;
+mod light;
+mod light_choice;
+mod sampler;
+mod sampling;
+mod texture;
+mod tiles;
+mod tracer;
+
+use std::ops::AddAssign;
+
+use splitplane::{Counts, Tree};
+
+use crate::scene::Scene;
+use crate::scene::settings::Integrator;
+use camera::CameraRays;
+use film::FilmPlan;
+use integrator::World;
+use light::Lights;
+use sampler::Sequence;
+
+/// What to render otherwise than the scene says, and with which means.
+#[derive(Clone, Debug, PartialEq)]
+pub struct RenderSettings {
+    /// Threads; 0: one per core. The result is the same for any number.
+    pub threads: usize,
+    /// 0: for the Halton sampler, the very sequence of pbrt-v3. Any other seed gives another
+    /// sequence of the same quality.
+    pub seed: u64,
+    /// Samples per pixel in place of the scene's; at least 1.
+    pub samples_per_pixel: Option<u32>,
+    /// Width and height of the full picture, in pixels, in place of the scene's.
+    pub resolution: Option<(u32, u32)>,
+    /// `[x_min, x_max, y_min, y_max]` of the part to render, in fractions of the full picture, in
+    /// place of the scene's.
+    pub crop: Option<[f32; 4]>,
+    /// The most bounces, in place of the scene's; ambient occlusion has none.
+    pub max_depth: Option<u32>,
+    /// Count triangle tests and node visits, in all and per pixel. Without, the queries run
+    /// without counters, as a rendering for its time should.
+    pub count: bool,
+}
+
+impl Default for RenderSettings {
+    /// All as in the scene, all cores, seed 0, counted.
+    fn default() -> Self {
+        RenderSettings {
+            threads: 0,
+            seed: 0,
+            samples_per_pixel: None,
+            resolution: None,
+            crop: None,
+            max_depth: None,
+            count: true,
+        }
+    }
+}
+
+/// Something apart for each kind of ray.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct RayKinds<T> {
+    /// Closest-hit rays from the camera.
+    pub camera: T,
+    /// All other closest-hit rays: paths that go on, and the rays towards lights that the
+    /// surface's scattering chose.
+    pub bounce: T,
+    /// Any-hit rays.
+    pub shadow: T,
+}
+
+impl<T: AddAssign> AddAssign for RayKinds<T> {
+    fn add_assign(&mut self, other: Self) {
+        self.camera += other.camera;
+        self.bounce += other.bounce;
+        self.shadow += other.shadow;
+    }
+}
+
+/// What the rays of one pixel's samples did; sums, which stop at the largest `u32`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PixelCounts {
+    /// Triangles tested.
+    pub triangle_tests: u32,
+    /// Axis-aligned interior nodes visited.
+    pub kd_visits: u32,
+    /// Interior nodes with an oblique plane visited.
+    pub oblique_visits: u32,
+    /// Leaves visited.
+    pub leaf_visits: u32,
+}
+
+/// [`PixelCounts`] of all pixels, row by row from the top.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct PixelCounters {
+    /// Of closest-hit rays (camera and bounce).
+    pub closest: Vec<PixelCounts>,
+    /// Of shadow rays.
+    pub shadow: Vec<PixelCounts>,
+}
+
+/// A picture, and what it cost. All pictures are row by row from the top, of the cropped part.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Rendered {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Column and row of the first pixel in the full picture.
+    pub origin: (u32, u32),
+    /// Samples per pixel that were taken.
+    pub samples_per_pixel: u32,
+    /// Linear RGB (sRGB primaries).
+    pub radiance: Vec<[f32; 3]>,
+    /// Distance from the camera to the first hit, in scene units: the mean over the pixel's samples
+    /// that hit anything; infinite where none does.
+    pub depth: Vec<f32>,
+    /// Shading normal at the first hit, in world space: the mean over the pixel's samples that hit
+    /// anything (so no longer than 1); zero where none does.
+    pub normal: Vec<[f32; 3]>,
+    /// Rays cast.
+    pub rays: RayKinds<u64>,
+    /// What the rays did; zero unless [`RenderSettings::count`].
+    pub counts: RayKinds<Counts>,
+    /// The same per pixel, by the pixel that the camera ray went through. A wide filter also takes
+    /// samples from just outside the picture; they are in the totals only. `None` unless
+    /// [`RenderSettings::count`].
+    pub pixel_counts: Option<PixelCounters>,
+    /// Wall-clock time of the rendering, without any preparation, in seconds.
+    pub seconds: f64,
+}
+
+/// Watches a rendering, and may stop it.
+pub trait Progress: Sync {
+    /// `done` of `total` camera rays have been traced to their end. Called now and then, from any
+    /// thread.
+    fn advanced(&self, _done: u64, _total: u64) {}
+    /// Asked often; once it says yes, the rendering ends with [`RenderError::Cancelled`].
+    fn cancelled(&self) -> bool {
+        false
+    }
+}
+
+/// Watches nothing, never stops.
+impl Progress for () {}
+
+/// Why a scene could not be rendered.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum RenderError {
+    /// A number of the film, sampler or settings is out of range.
+    #[error("{what} is {value}; {accepted}")]
+    OutOfRange {
+        /// What it is.
+        what: &'static str,
+        /// What was given.
+        value: String,
+        /// What would be accepted.
+        accepted: &'static str,
+    },
+    /// The parts of the scene do not fit each other.
+    #[error("the scene is not consistent: {0}")]
+    Inconsistent(String),
+    /// The tree was built over another mesh.
+    #[error(
+        "the tree was built over a mesh of {tree} triangles, the scene has {scene}; build the tree \
+         over the scene's mesh"
+    )]
+    OtherMesh {
+        /// Triangles of the tree's mesh.
+        tree: usize,
+        /// Triangles of the scene's mesh.
+        scene: usize,
+    },
+    /// No threads to work with.
+    #[error("cannot start {threads} threads: {reason}")]
+    Threads {
+        /// How many were asked for.
+        threads: usize,
+        /// Why not.
+        reason: String,
+    },
+    /// [`Progress::cancelled`] said so.
+    #[error("the rendering was cancelled")]
+    Cancelled,
+}
+
+/// Renders `scene` with `tree` for its rays; `tree` must be built over `scene.mesh`.
+///
+/// The result, counters included, depends on neither the number of threads nor on `progress`.
+///
+/// # Errors
+/// Settings out of range, an inconsistent scene, another mesh's tree, or cancelled by `progress`.
+pub fn render(
+    scene: &Scene,
+    tree: &Tree,
+    settings: &RenderSettings,
+    progress: &dyn Progress,
+) -> Result<Rendered, RenderError> {
+    check(scene, tree)?;
+    let plan = Plan::new(scene, settings)?;
+    let pool = rayon::ThreadPoolBuilder::new()
+        .num_threads(settings.threads)
+        .build()
+        .map_err(|error| RenderError::Threads {
+            threads: settings.threads,
+            reason: error.to_string(),
+        })?;
+    let lights = Lights::new(scene);
+    let world = World::new(scene, &lights, plan.integrator);
+    let job = tiles::Job {
+        plan: &plan.film,
+        camera: &plan.camera,
+        world: &world,
+        tree,
+        sequence: &plan.sequence,
+        samples_per_pixel: plan.samples_per_pixel,
+        progress,
+    };
+    pool.install(|| {
+        if settings.count {
+            job.run::<true>()
+        } else {
+            job.run::<false>()
+        }
+    })
+}
+
+/// A scene's settings with those of the caller in their place.
+struct Plan {
+    film: FilmPlan,
+    camera: CameraRays,
+    sequence: Sequence,
+    samples_per_pixel: u32,
+    integrator: Integrator,
+}
+
+impl Plan {
+    fn new(scene: &Scene, settings: &RenderSettings) -> Result<Self, RenderError> {
+        let mut film = scene.film.clone();
+        if let Some((width, height)) = settings.resolution {
+            (film.width, film.height) = (width, height);
+        }
+        if let Some(crop) = settings.crop {
+            film.crop = crop;
+        }
+        let samples_per_pixel = settings
+            .samples_per_pixel
+            .unwrap_or(scene.sampler.samples_per_pixel);
+        if samples_per_pixel == 0 {
+            return Err(RenderError::OutOfRange {
+                what: "the number of samples per pixel",
+                value: "0".into(),
+                accepted: "1 or more are accepted",
+            });
+        }
+        let mut integrator = scene.integrator;
+        if let Some(depth) = settings.max_depth {
+            match &mut integrator {
+                Integrator::Path { max_depth, .. } | Integrator::Direct { max_depth, .. } => {
+                    *max_depth = depth;
+                }
+                Integrator::AmbientOcclusion { .. } => {}
+            }
+        }
+        let plan = FilmPlan::new(&film, &scene.filter)?;
+        let sampled = plan.samples();
+        let extent = [sampled.width() as i32, sampled.height() as i32];
+        Ok(Plan {
+            camera: CameraRays::new(&scene.camera, film.width, film.height),
+            sequence: Sequence::new(scene.sampler.kind, extent, settings.seed),
+            samples_per_pixel,
+            integrator,
+            film: plan,
+        })
+    }
+}
+
+/// That the parts of a scene fit each other, so that nothing is out of range later.
+fn check(scene: &Scene, tree: &Tree) -> Result<(), RenderError> {
+    let triangles = scene.mesh.triangles().len();
+    let others = tree.mesh().triangles().len();
+    if others != triangles || tree.mesh().bounds() != scene.mesh.bounds() {
+        return Err(RenderError::OtherMesh {
+            tree: others,
+            scene: triangles,
+        });
+    }
+    let wrong = |what: String| Err(RenderError::Inconsistent(what));
+    let vertices = scene.mesh.positions().len();
+    let mut next = 0;
+    for (number, shape) in scene.shapes.iter().enumerate() {
+        if shape.triangles.start != next || shape.triangles.end < next {
+            return wrong(format!(
+                "shape {number} begins at triangle {}, not at {next}",
+                shape.triangles.start
+            ));
+        }
+        next = shape.triangles.end;
+        if shape.material as usize >= scene.materials.len() {
+            return wrong(format!(
+                "shape {number} has material {} of {}",
+                shape.material,
+                scene.materials.len()
+            ));
+        }
+        for (has, given, what) in [
+            (shape.has_normals, scene.normals.len(), "normals"),
+            (shape.has_uvs, scene.uvs.len(), "texture coordinates"),
+        ] {
+            if has && given != vertices {
+                return wrong(format!(
+                    "shape {number} needs {what}: {given} for {vertices} vertices"
+                ));
+            }
+        }
+    }
+    if next as usize != triangles {
+        return wrong(format!(
+            "the shapes have {next} triangles, the mesh has {triangles}"
+        ));
+    }
+    Ok(())
+}

@@ -1,0 +1,194 @@
+//! Triangles on their way into a scene.
+
+use std::collections::{BTreeMap, HashSet};
+use std::sync::Arc;
+
+use splitplane::Mesh;
+
+use super::light::AreaLight;
+use super::{Note, Shape};
+use crate::transform::Transform;
+
+/// Triangles in the space of a shape, with what belongs to their vertices.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Geometry {
+    pub(crate) positions: Vec<[f32; 3]>,
+    pub(crate) triangles: Vec<[u32; 3]>,
+    /// One per position, or none.
+    pub(crate) normals: Vec<[f32; 3]>,
+    /// One per position, or none.
+    pub(crate) uvs: Vec<[f32; 2]>,
+}
+
+/// Triangles with their place in the world.
+#[derive(Clone, Debug)]
+pub(crate) struct Placed {
+    pub(crate) geometry: Arc<Geometry>,
+    pub(crate) to_world: Transform,
+    /// ReverseOrientation is in force.
+    pub(crate) reversed: bool,
+    pub(crate) material: u32,
+    pub(crate) area_light: Option<AreaLight>,
+}
+
+/// The geometry of a scene, in world space; the fields are those of [`super::Scene`].
+#[derive(Debug)]
+pub(crate) struct Assembled {
+    pub(crate) mesh: Mesh,
+    pub(crate) normals: Vec<[f32; 3]>,
+    pub(crate) uvs: Vec<[f32; 2]>,
+    pub(crate) shapes: Vec<Shape>,
+}
+
+/// All pieces in one mesh, in order.
+///
+/// # Errors
+/// A message, where there are more triangles or vertices than a mesh can have or memory can hold.
+pub(crate) fn assemble(pieces: &[Placed]) -> Result<Assembled, String> {
+    let total = |count: fn(&Geometry) -> usize| -> usize {
+        pieces
+            .iter()
+            .map(|piece| count(&piece.geometry))
+            .fold(0, usize::saturating_add)
+    };
+    let vertices = total(|g| g.positions.len());
+    let triangles = total(|g| g.triangles.len());
+    for (what, count) in [("vertices", vertices), ("triangles", triangles)] {
+        if count > Mesh::MAX_COUNT {
+            return Err(format!(
+                "the scene has {count} {what}; at most {} fit",
+                Mesh::MAX_COUNT
+            ));
+        }
+    }
+    let any_normals = pieces
+        .iter()
+        .any(|piece| !piece.geometry.normals.is_empty());
+    let any_uvs = pieces.iter().any(|piece| !piece.geometry.uvs.is_empty());
+    let mut all = Geometry::default();
+    let reserved = all.positions.try_reserve_exact(vertices).is_ok()
+        && all.triangles.try_reserve_exact(triangles).is_ok()
+        && (!any_normals || all.normals.try_reserve_exact(vertices).is_ok())
+        && (!any_uvs || all.uvs.try_reserve_exact(vertices).is_ok());
+    if !reserved {
+        return Err(format!(
+            "{triangles} triangles with {vertices} vertices do not fit into memory"
+        ));
+    }
+
+    let mut shapes = Vec::with_capacity(pieces.len());
+    for piece in pieces {
+        let Geometry {
+            positions,
+            triangles,
+            normals,
+            uvs,
+        } = &*piece.geometry;
+        if triangles.is_empty() {
+            continue;
+        }
+        let base = all.positions.len() as u32;
+        let first = all.triangles.len() as u32;
+        let identity = piece.to_world == Transform::IDENTITY;
+        all.positions.extend(
+            positions
+                .iter()
+                .map(|&p| if identity { p } else { piece.to_world.point(p) }),
+        );
+        all.triangles
+            .extend(triangles.iter().map(|t| t.map(|index| base + index)));
+        if any_normals {
+            // As pbrt-v3 does, normals are not brought to unit length: how they are interpolated
+            // depends on their lengths.
+            let sign = if piece.reversed { -1.0 } else { 1.0 };
+            all.normals.extend(
+                normals
+                    .iter()
+                    .map(|&n| piece.to_world.normal(n).map(|c| sign * c)),
+            );
+            all.normals.resize(all.positions.len(), [0.0; 3]);
+        }
+        if any_uvs {
+            all.uvs.extend(uvs);
+            all.uvs.resize(all.positions.len(), [0.0; 2]);
+        }
+        shapes.push(Shape {
+            triangles: first..all.triangles.len() as u32,
+            material: piece.material,
+            area_light: piece.area_light.clone(),
+            has_normals: !normals.is_empty(),
+            has_uvs: !uvs.is_empty(),
+            flip_normals: piece.reversed != piece.to_world.swaps_handedness(),
+        });
+    }
+    let mesh = Mesh::new(all.positions, all.triangles).map_err(|error| error.to_string())?;
+    Ok(Assembled {
+        mesh,
+        normals: all.normals,
+        uvs: all.uvs,
+        shapes,
+    })
+}
+
+/// What readers should know, each kind once.
+#[derive(Debug, Default)]
+pub(crate) struct Notes {
+    list: Vec<Note>,
+    kinds: HashSet<String>,
+    /// Curved shapes by kind and segments: how many, of how many triangles, and the first's place.
+    tessellated: BTreeMap<(String, [u32; 2]), (usize, usize, String)>,
+}
+
+impl Notes {
+    /// Adds a warning unless there has been one of this kind.
+    pub(crate) fn warn(&mut self, kind: &str, place: impl FnOnce() -> String, text: String) {
+        if self.kinds.insert(kind.to_owned()) {
+            self.list.push(Note {
+                place: place(),
+                text,
+                warning: true,
+            });
+        }
+    }
+
+    /// Adds a fact.
+    pub(crate) fn tell(&mut self, place: String, text: String) {
+        self.list.push(Note {
+            place,
+            text,
+            warning: false,
+        });
+    }
+
+    /// Adds a curved shape that was made of triangles.
+    pub(crate) fn tessellated(
+        &mut self,
+        kind: &str,
+        place: String,
+        triangles: usize,
+        segments: [u32; 2],
+    ) {
+        let entry = self.tessellated.entry((kind.to_owned(), segments));
+        let (shapes, sum, _) = entry.or_insert((0, 0, place));
+        *shapes += 1;
+        *sum += triangles;
+    }
+
+    pub(crate) fn into_list(mut self) -> Vec<Note> {
+        for ((kind, [u, v]), (shapes, triangles, place)) in std::mem::take(&mut self.tessellated) {
+            let first = if shapes > 1 {
+                " (the first is here)"
+            } else {
+                ""
+            };
+            self.tell(
+                place,
+                format!(
+                    "{shapes} × \"{kind}\" made of {triangles} triangles, {u} × {v} segments \
+                     each{first}"
+                ),
+            );
+        }
+        self.list
+    }
+}

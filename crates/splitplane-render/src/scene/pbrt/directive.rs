@@ -1,0 +1,595 @@
+//! From tokens to directives, through all included files.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use super::lexer::{Lexer, Token, TokenKind, shortened};
+use super::params::{Param, Params, Type, Values};
+use super::source::{Sources, Span};
+use crate::error::SceneError;
+
+/// What follows a directive's name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Arguments {
+    None,
+    Numbers(usize),
+    /// `"name"`
+    Name,
+    /// `All`, `StartTime`, `EndTime`
+    Word,
+    /// `"name"` or two.
+    OneOrTwoNames,
+    /// `"name" "type name" [values] ...`
+    List,
+    /// `"name" "type" "class" "type name" [values] ...`
+    TextureList,
+}
+
+macro_rules! directives {
+    ($($name:ident $arguments:expr;)*) => {
+        /// The directives of pbrt-v3, Include apart, which the parser follows itself.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+        pub(crate) enum Word { $($name),* }
+
+        impl Word {
+            fn named(name: &str) -> Option<(Word, Arguments)> {
+                match name {
+                    $(stringify!($name) => Some((Word::$name, $arguments)),)*
+                    _ => None,
+                }
+            }
+
+            /// The name in the file.
+            pub(crate) fn name(self) -> &'static str {
+                match self { $(Word::$name => stringify!($name)),* }
+            }
+        }
+    };
+}
+
+directives! {
+    Accelerator Arguments::List;
+    ActiveTransform Arguments::Word;
+    AreaLightSource Arguments::List;
+    AttributeBegin Arguments::None;
+    AttributeEnd Arguments::None;
+    Camera Arguments::List;
+    ConcatTransform Arguments::Numbers(16);
+    CoordSysTransform Arguments::Name;
+    CoordinateSystem Arguments::Name;
+    Film Arguments::List;
+    Identity Arguments::None;
+    Integrator Arguments::List;
+    LightSource Arguments::List;
+    LookAt Arguments::Numbers(9);
+    MakeNamedMaterial Arguments::List;
+    MakeNamedMedium Arguments::List;
+    Material Arguments::List;
+    MediumInterface Arguments::OneOrTwoNames;
+    NamedMaterial Arguments::Name;
+    ObjectBegin Arguments::Name;
+    ObjectEnd Arguments::None;
+    ObjectInstance Arguments::Name;
+    PixelFilter Arguments::List;
+    ReverseOrientation Arguments::None;
+    Rotate Arguments::Numbers(4);
+    Sampler Arguments::List;
+    Scale Arguments::Numbers(3);
+    Shape Arguments::List;
+    Texture Arguments::TextureList;
+    Transform Arguments::Numbers(16);
+    TransformBegin Arguments::None;
+    TransformEnd Arguments::None;
+    TransformTimes Arguments::Numbers(2);
+    Translate Arguments::Numbers(3);
+    WorldBegin Arguments::None;
+    WorldEnd Arguments::None;
+}
+
+/// A directive with its arguments.
+#[derive(Clone, Debug)]
+pub(crate) struct Directive {
+    pub(crate) word: Word,
+    pub(crate) span: Span,
+    pub(crate) numbers: Vec<f64>,
+    pub(crate) names: Vec<String>,
+    pub(crate) params: Params,
+}
+
+impl Directive {
+    /// The first name; empty where the directive has none.
+    pub(crate) fn name(&self) -> &str {
+        self.names.first().map_or("", String::as_str)
+    }
+}
+
+/// More files inside each other than any scene has.
+const DEEPEST_INCLUDE: usize = 64;
+
+/// Reads directives.
+#[derive(Debug)]
+pub(crate) struct Parser<'a> {
+    pub(crate) sources: Sources,
+    defines: &'a BTreeMap<String, String>,
+    search: &'a [PathBuf],
+    /// The files that are being read, the innermost last.
+    open: Vec<Lexer>,
+    peeked: Option<Token>,
+}
+
+impl<'a> Parser<'a> {
+    /// A parser of the scene file at `path`.
+    pub(crate) fn new(
+        path: &Path,
+        defines: &'a BTreeMap<String, String>,
+        search: &'a [PathBuf],
+    ) -> Result<Self, SceneError> {
+        let text = std::fs::read(path).map_err(|error| {
+            SceneError::file(
+                path.display().to_string(),
+                format!("cannot be read: {error}"),
+            )
+        })?;
+        let mut sources = Sources::default();
+        let file = sources.add(path, text.into());
+        let lexer = Lexer::new(&sources, file);
+        Ok(Parser {
+            sources,
+            defines,
+            search,
+            open: vec![lexer],
+            peeked: None,
+        })
+    }
+
+    /// The next directive; `None` at the end of the scene.
+    pub(crate) fn next(&mut self) -> Result<Option<Directive>, SceneError> {
+        loop {
+            let Some(token) = self.token()? else {
+                self.open.pop();
+                if self.open.is_empty() {
+                    return Ok(None);
+                }
+                continue;
+            };
+            let TokenKind::Word(word) = &token.kind else {
+                return Err(self.error(
+                    token.span,
+                    format!(
+                        "{} stands where a directive is expected, such as Shape or AttributeBegin",
+                        token.kind.describe()
+                    ),
+                ));
+            };
+            if word == "Include" {
+                let (name, span) = self.text("a file's name in quotes")?;
+                self.include(&name, span)?;
+                continue;
+            }
+            let Some((word, arguments)) = Word::named(word) else {
+                return Err(self.error(
+                    token.span,
+                    format!("`{}` is not a directive of pbrt-v3", shortened(word)),
+                ));
+            };
+            return self.directive(word, arguments, token.span).map(Some);
+        }
+    }
+
+    fn directive(
+        &mut self,
+        word: Word,
+        arguments: Arguments,
+        span: Span,
+    ) -> Result<Directive, SceneError> {
+        let mut directive = Directive {
+            word,
+            span,
+            numbers: Vec::new(),
+            names: Vec::new(),
+            params: Params::default(),
+        };
+        match arguments {
+            Arguments::None => {}
+            Arguments::Numbers(count) => directive.numbers = self.numbers(word, count, span)?,
+            Arguments::Name => directive.names.push(self.text("a name in quotes")?.0),
+            Arguments::Word => match self.token()? {
+                Some(Token {
+                    kind: TokenKind::Word(name),
+                    ..
+                }) => directive.names.push(name),
+                _ => {
+                    return Err(self.error(
+                        span,
+                        format!("{} takes All, StartTime or EndTime", word.name()),
+                    ));
+                }
+            },
+            Arguments::OneOrTwoNames => {
+                directive.names.push(self.text("a name in quotes")?.0);
+                if let Some(Token {
+                    kind: TokenKind::Text(_),
+                    ..
+                }) = self.peek()?
+                {
+                    directive.names.push(self.text("a name in quotes")?.0);
+                }
+            }
+            Arguments::List => {
+                directive.names.push(self.text("a name in quotes")?.0);
+                directive.params = self.params()?;
+            }
+            Arguments::TextureList => {
+                for what in [
+                    "the texture's name",
+                    "\"float\" or \"spectrum\"",
+                    "the texture's class",
+                ] {
+                    directive.names.push(self.text(what)?.0);
+                }
+                directive.params = self.params()?;
+            }
+        }
+        Ok(directive)
+    }
+
+    pub(crate) fn error(&self, span: Span, message: impl Into<String>) -> SceneError {
+        self.sources.error(span, message)
+    }
+
+    fn token(&mut self) -> Result<Option<Token>, SceneError> {
+        if let Some(token) = self.peeked.take() {
+            return Ok(Some(token));
+        }
+        match self.open.last_mut() {
+            Some(lexer) => lexer.next(&self.sources, self.defines),
+            None => Ok(None),
+        }
+    }
+
+    fn peek(&mut self) -> Result<Option<&Token>, SceneError> {
+        if self.peeked.is_none() {
+            self.peeked = self.token()?;
+        }
+        Ok(self.peeked.as_ref())
+    }
+
+    /// Where the file that is being read ends.
+    fn end(&self) -> Span {
+        let file = self.open.last().map_or(0, Lexer::file);
+        Span {
+            file,
+            offset: self.sources.get(file).text.len(),
+        }
+    }
+
+    fn text(&mut self, expected: &str) -> Result<(String, Span), SceneError> {
+        match self.token()? {
+            Some(Token {
+                kind: TokenKind::Text(text),
+                span,
+            }) => Ok((text, span)),
+            Some(token) => Err(self.error(
+                token.span,
+                format!(
+                    "{} stands where {expected} is expected",
+                    token.kind.describe()
+                ),
+            )),
+            None => Err(self.error(
+                self.end(),
+                format!("the file ends where {expected} is expected"),
+            )),
+        }
+    }
+
+    /// Exactly `count` numbers, in brackets or not.
+    fn numbers(&mut self, word: Word, count: usize, span: Span) -> Result<Vec<f64>, SceneError> {
+        let mut numbers = Vec::with_capacity(count);
+        let bracket = matches!(
+            self.peek()?,
+            Some(Token {
+                kind: TokenKind::Open,
+                ..
+            })
+        );
+        if bracket {
+            self.token()?;
+        }
+        while numbers.len() < count {
+            match self.token()? {
+                Some(Token {
+                    kind: TokenKind::Number(number),
+                    ..
+                }) => numbers.push(number),
+                other => {
+                    let span = other.map_or(span, |token| token.span);
+                    return Err(self.error(
+                        span,
+                        format!(
+                            "{} has {} numbers; it takes {count}",
+                            word.name(),
+                            numbers.len()
+                        ),
+                    ));
+                }
+            }
+        }
+        if bracket {
+            match self.token()? {
+                Some(Token {
+                    kind: TokenKind::Close,
+                    ..
+                }) => {}
+                other => {
+                    let span = other.map_or(span, |token| token.span);
+                    return Err(self.error(
+                        span,
+                        format!(
+                            "`]` is expected after the {count} numbers of {}",
+                            word.name()
+                        ),
+                    ));
+                }
+            }
+        }
+        Ok(numbers)
+    }
+
+    fn params(&mut self) -> Result<Params, SceneError> {
+        let mut params = Params::default();
+        while let Some(Token {
+            kind: TokenKind::Text(_),
+            ..
+        }) = self.peek()?
+        {
+            let (declaration, span) = self.text("a parameter")?;
+            let mut words = declaration.split_whitespace();
+            let (Some(ty), Some(name), None) = (words.next(), words.next(), words.next()) else {
+                return Err(self.error(
+                    span,
+                    format!(
+                        "\"{}\" does not declare a parameter; write \"type name\" with a type of {}",
+                        shortened(&declaration),
+                        Type::names()
+                    ),
+                ));
+            };
+            let Some(ty) = Type::named(ty) else {
+                return Err(self.error(
+                    span,
+                    format!(
+                        "\"{}\" is not a type; types are {}",
+                        shortened(ty),
+                        Type::names()
+                    ),
+                ));
+            };
+            let values = self.values(ty, name, span)?;
+            if params.has(name) {
+                return Err(self.error(span, format!("\"{name}\" is given twice; once is enough")));
+            }
+            params
+                .list
+                .push(Param::new(name.to_owned(), ty, values, span));
+        }
+        Ok(params)
+    }
+
+    /// The values of a parameter: one, or any number in brackets.
+    fn values(&mut self, ty: Type, name: &str, span: Span) -> Result<Values, SceneError> {
+        // A spectrum is given as numbers or as the names of files.
+        let texts = matches!(ty, Type::Text | Type::Texture)
+            || ty == Type::Spectrum && self.next_value_is_text()?;
+        let mut values = match ty {
+            Type::Bool => Values::Bools(Vec::new()),
+            Type::Integer => Values::Integers(Vec::new()),
+            _ if texts => Values::Texts(Vec::new()),
+            _ => Values::Numbers(Vec::new()),
+        };
+        let open = match self.peek()? {
+            Some(Token {
+                kind: TokenKind::Open,
+                span,
+            }) => Some(*span),
+            _ => None,
+        };
+        if open.is_some() {
+            self.token()?;
+        }
+        let mut count = 0_usize;
+        loop {
+            let token = self.token()?;
+            match (token, open) {
+                (
+                    Some(Token {
+                        kind: TokenKind::Close,
+                        ..
+                    }),
+                    Some(_),
+                ) => break,
+                (Some(Token { kind, span }), _)
+                    if !matches!(kind, TokenKind::Open | TokenKind::Close) =>
+                {
+                    self.push(&mut values, ty, name, kind, span)?;
+                    count += 1;
+                    if open.is_none() {
+                        break;
+                    }
+                }
+                (None, Some(open)) => {
+                    return Err(self.error(open, "this `[` has no `]`"));
+                }
+                (Some(token), _) => {
+                    return Err(self.error(
+                        token.span,
+                        format!(
+                            "{} stands where a value of \"{name}\" is expected",
+                            token.kind.describe()
+                        ),
+                    ));
+                }
+                (None, None) => {
+                    return Err(self.error(span, format!("\"{name}\" has no value")));
+                }
+            }
+        }
+        if count == 0 {
+            return Err(self.error(span, format!("\"{name}\" has no values")));
+        }
+        let arity = if texts { 1 } else { ty.arity() };
+        if !count.is_multiple_of(arity) {
+            return Err(self.error(
+                span,
+                format!(
+                    "\"{} {name}\" has {count} numbers; they come in groups of {arity}",
+                    ty.name()
+                ),
+            ));
+        }
+        Ok(values)
+    }
+
+    /// Whether the next value is in quotes, behind a bracket or not.
+    fn next_value_is_text(&mut self) -> Result<bool, SceneError> {
+        match self.peek()? {
+            Some(Token {
+                kind: TokenKind::Text(_),
+                ..
+            }) => Ok(true),
+            Some(Token {
+                kind: TokenKind::Open,
+                ..
+            }) => {
+                let open = self.token()?;
+                let is_text = matches!(
+                    self.peek()?,
+                    Some(Token {
+                        kind: TokenKind::Text(_),
+                        ..
+                    })
+                );
+                // Both tokens go back: the lexer keeps the later one.
+                if let (Some(later), Some(lexer)) = (self.peeked.take(), self.open.last_mut()) {
+                    lexer.put_back(later);
+                }
+                self.peeked = open;
+                Ok(is_text)
+            }
+            _ => Ok(false),
+        }
+    }
+
+    fn push(
+        &self,
+        values: &mut Values,
+        ty: Type,
+        name: &str,
+        kind: TokenKind,
+        span: Span,
+    ) -> Result<(), SceneError> {
+        match (values, kind) {
+            (Values::Numbers(list), TokenKind::Number(number)) => {
+                if number.abs() > f64::from(f32::MAX) {
+                    return Err(self.error(
+                        span,
+                        format!("{number:e} is too large; numbers are below 3.4e38"),
+                    ));
+                }
+                list.push(number);
+            }
+            (Values::Integers(list), TokenKind::Number(number)) => {
+                if number.fract() != 0.0 || number.abs() > f64::from(i32::MAX) {
+                    return Err(self.error(
+                        span,
+                        format!("{number} is not an integer of 32 bits, which \"{name}\" takes"),
+                    ));
+                }
+                list.push(number as i64);
+            }
+            (Values::Texts(list), TokenKind::Text(text)) => list.push(text),
+            (Values::Bools(list), TokenKind::Text(text) | TokenKind::Word(text)) => {
+                match text.as_str() {
+                    "true" => list.push(true),
+                    "false" => list.push(false),
+                    _ => {
+                        return Err(self.error(
+                            span,
+                            format!(
+                                "\"{}\" is neither true nor false, which \"{name}\" takes",
+                                shortened(&text)
+                            ),
+                        ));
+                    }
+                }
+            }
+            (_, kind) => {
+                return Err(self.error(
+                    span,
+                    format!(
+                        "{} stands where a value of \"{} {name}\" is expected",
+                        kind.describe(),
+                        ty.name()
+                    ),
+                ));
+            }
+        }
+        Ok(())
+    }
+
+    /// Where a file that `span` names is: an absolute path, or relative to the folder of the file
+    /// that names it, to that of the main file, or to a folder of the search path.
+    pub(crate) fn find(&self, name: &str, span: Span) -> Option<PathBuf> {
+        let name = name.replace('\\', "/");
+        let folders = [span.file, 0]
+            .into_iter()
+            .map(|file| {
+                self.sources
+                    .get(file)
+                    .path
+                    .parent()
+                    .unwrap_or(Path::new(""))
+            })
+            .chain(self.search.iter().map(PathBuf::as_path));
+        folders
+            .map(|folder| folder.join(&name))
+            .find(|path| path.is_file())
+    }
+
+    fn include(&mut self, name: &str, span: Span) -> Result<(), SceneError> {
+        let Some(path) = self.find(name, span) else {
+            return Err(self.error(
+                span,
+                format!(
+                    "there is no file \"{}\"; it is looked for beside the file that includes it, \
+                     beside the scene's main file and on the search path",
+                    shortened(name)
+                ),
+            ));
+        };
+        let same = |lexer: &Lexer| {
+            let open = &self.sources.get(lexer.file()).path;
+            open == &path
+                || matches!((open.canonicalize(), path.canonicalize()), (Ok(a), Ok(b)) if a == b)
+        };
+        if self.open.iter().any(same) {
+            return Err(self.error(
+                span,
+                format!("\"{name}\" includes itself, directly or through other files"),
+            ));
+        }
+        if self.open.len() >= DEEPEST_INCLUDE {
+            return Err(self.error(
+                span,
+                format!(
+                    "files are included {DEEPEST_INCLUDE} deep, which is as deep as they may be"
+                ),
+            ));
+        }
+        let text = std::fs::read(&path)
+            .map_err(|error| self.error(span, format!("\"{name}\" cannot be read: {error}")))?;
+        let file = self.sources.add(&path, text.into());
+        self.open.push(Lexer::new(&self.sources, file));
+        Ok(())
+    }
+}

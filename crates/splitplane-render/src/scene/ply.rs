@@ -1,0 +1,337 @@
+//! PLY files: ASCII or binary, as they are or compressed by gzip.
+
+use std::io::Read;
+use std::path::Path;
+
+use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::ply::{
+    ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType,
+    ScalarType,
+};
+
+use super::geometry::Geometry;
+use super::polygon::triangulate;
+use crate::error::SceneError;
+
+/// What a PLY file holds.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct PlyMesh {
+    pub(crate) geometry: Geometry,
+    /// Per triangle, the face property `material`; empty where faces have none.
+    pub(crate) materials: Vec<u8>,
+    /// Faces of more than three vertices that are not convex.
+    pub(crate) concave: usize,
+}
+
+/// Reads the file at `path`.
+///
+/// # Errors
+/// The file cannot be read, is no PLY file, ends early, or names a vertex that does not exist.
+pub(crate) fn read(path: &Path) -> Result<PlyMesh, SceneError> {
+    let name = path.display().to_string();
+    let bytes = std::fs::read(path)
+        .map_err(|error| SceneError::file(&name, format!("cannot be read: {error}")))?;
+    parse(&name, &bytes)
+}
+
+/// Reads the content of a file, which messages call `name`.
+pub(crate) fn parse(name: &str, bytes: &[u8]) -> Result<PlyMesh, SceneError> {
+    if bytes.starts_with(&[0x1f, 0x8b]) {
+        let mut plain = Vec::new();
+        flate2::read::MultiGzDecoder::new(bytes)
+            .read_to_end(&mut plain)
+            .map_err(|error| SceneError::file(name, format!("cannot be decompressed: {error}")))?;
+        return parse_plain(name, &plain);
+    }
+    parse_plain(name, bytes)
+}
+
+fn parse_plain(name: &str, bytes: &[u8]) -> Result<PlyMesh, SceneError> {
+    let wrong = |error: ply_rs_bw::parser::ParseError| SceneError {
+        file: name.to_owned(),
+        line: error
+            .line()
+            .and_then(|line| u32::try_from(line).ok())
+            .unwrap_or(0),
+        column: 0,
+        message: format!(
+            "not a PLY file that can be read: {}",
+            first_line(&error.to_string())
+        ),
+    };
+    let parser = Parser::<Row>::new();
+    let mut reader = Reader::new(bytes);
+    let header = parser.read_header(&mut reader).map_err(wrong)?;
+    for (_, element) in &header.elements {
+        // Also keeps elements without properties from being counted to the end of time.
+        if element.count > bytes.len() {
+            return Err(SceneError::file(
+                name,
+                format!(
+                    "announces {} of \"{}\", more than fit into the file's {} bytes",
+                    element.count,
+                    element.name,
+                    bytes.len()
+                ),
+            ));
+        }
+    }
+    if let Some(mesh) = quick(name, &header, reader.get_ref())? {
+        return Ok(mesh);
+    }
+    let mut mesh = PlyMesh::default();
+    let mut faces = Vec::new();
+    for (_, element) in &header.elements {
+        let rows = parser
+            .read_payload_for_element(&mut reader, element, &header)
+            .map_err(wrong)?;
+        match element.name.as_str() {
+            "vertex" => {
+                let has =
+                    |names: [&str; 2]| names.iter().all(|n| element.properties.contains_key(*n));
+                let g = &mut mesh.geometry;
+                g.positions = rows.iter().map(|row| row.position).collect();
+                if has(["nx", "ny"]) && element.properties.contains_key("nz") {
+                    g.normals = rows.iter().map(|row| row.normal).collect();
+                }
+                if UV_NAMES.iter().any(|names| has(*names)) {
+                    g.uvs = rows.iter().map(|row| row.uv).collect();
+                }
+            }
+            "face" => faces = rows,
+            _ => {}
+        }
+    }
+    let has_materials = faces.iter().any(|row| row.material.is_some());
+    for (index, row) in faces.iter().enumerate() {
+        mesh.face(
+            name,
+            index,
+            &row.indices,
+            has_materials.then_some(row.material.unwrap_or(0)),
+        )?;
+    }
+    Ok(mesh)
+}
+
+fn first_line(text: &str) -> String {
+    super::pbrt::shortened(
+        text.lines()
+            .next()
+            .unwrap_or_default()
+            .trim_start_matches("Line "),
+    )
+}
+
+/// The names that texture coordinates have.
+const UV_NAMES: [[&str; 2]; 4] = [
+    ["u", "v"],
+    ["s", "t"],
+    ["texture_u", "texture_v"],
+    ["texture_s", "texture_t"],
+];
+
+/// The names that a face's list of vertices has.
+const INDEX_NAMES: [&str; 2] = ["vertex_indices", "vertex_index"];
+
+impl PlyMesh {
+    fn face(
+        &mut self,
+        name: &str,
+        face: usize,
+        indices: &[i64],
+        material: Option<u8>,
+    ) -> Result<(), SceneError> {
+        let count = self.geometry.positions.len();
+        let mut polygon = [0_u32; 8];
+        let mut long = Vec::new();
+        let polygon: &mut [u32] = match polygon.get_mut(..indices.len()) {
+            Some(short) => short,
+            None => {
+                long.resize(indices.len(), 0);
+                &mut long
+            }
+        };
+        for (own, &index) in polygon.iter_mut().zip(indices) {
+            match u32::try_from(index).ok().filter(|&i| (i as usize) < count) {
+                Some(index) => *own = index,
+                None => {
+                    return Err(SceneError::file(
+                        name,
+                        format!("face {face} names vertex {index}, but there are {count} vertices"),
+                    ));
+                }
+            }
+        }
+        let g = &mut self.geometry;
+        self.concave += usize::from(triangulate(&g.positions, polygon, &mut g.triangles));
+        if let Some(material) = material {
+            self.materials.resize(g.triangles.len(), material);
+        }
+        Ok(())
+    }
+}
+
+/// A vertex or a face.
+#[derive(Debug, Default)]
+struct Row {
+    position: [f32; 3],
+    normal: [f32; 3],
+    uv: [f32; 2],
+    indices: Vec<i64>,
+    material: Option<u8>,
+}
+
+impl PropertyAccess for Row {
+    fn new() -> Self {
+        Row::default()
+    }
+
+    fn set_property(&mut self, name: &str, property: Property) -> PropertyAccessResult {
+        let place = match name {
+            "x" => &mut self.position[0],
+            "y" => &mut self.position[1],
+            "z" => &mut self.position[2],
+            "nx" => &mut self.normal[0],
+            "ny" => &mut self.normal[1],
+            "nz" => &mut self.normal[2],
+            "u" | "s" | "texture_u" | "texture_s" => &mut self.uv[0],
+            "v" | "t" | "texture_v" | "texture_t" => &mut self.uv[1],
+            "material" => {
+                self.material = property.to_f32_lossy().map(|value| value as u8);
+                return PropertyAccessResult::Set;
+            }
+            _ if INDEX_NAMES.contains(&name) => {
+                let list = match property {
+                    Property::ListChar(list) => list.into_iter().map(i64::from).collect(),
+                    Property::ListUChar(list) => list.into_iter().map(i64::from).collect(),
+                    Property::ListShort(list) => list.into_iter().map(i64::from).collect(),
+                    Property::ListUShort(list) => list.into_iter().map(i64::from).collect(),
+                    Property::ListInt(list) => list.into_iter().map(i64::from).collect(),
+                    Property::ListUInt(list) => list.into_iter().map(i64::from).collect(),
+                    _ => return PropertyAccessResult::UnsupportedType,
+                };
+                self.indices = list;
+                return PropertyAccessResult::Set;
+            }
+            _ => return PropertyAccessResult::Ignored,
+        };
+        match property.to_f32_lossy() {
+            Some(value) => {
+                *place = value;
+                PropertyAccessResult::Set
+            }
+            None => PropertyAccessResult::UnsupportedType,
+        }
+    }
+}
+
+/// Reads the layout that nearly all binary files have: vertices of floats, faces of one list of
+/// 32-bit indices with a count of 8 bits (and a material of 8 bits); `None` where the file has
+/// another.
+fn quick(name: &str, header: &Header, payload: &[u8]) -> Result<Option<PlyMesh>, SceneError> {
+    if header.encoding != Encoding::BinaryLittleEndian {
+        return Ok(None);
+    }
+    let elements: Vec<&ElementDef> = header.elements.values().collect();
+    let [vertex, face] = elements.as_slice() else {
+        return Ok(None);
+    };
+    let float = PropertyType::Scalar(ScalarType::Float);
+    let is = |range: std::ops::Range<usize>, names: &[&str]| {
+        range.len() == names.len()
+            && range.zip(names).all(|(i, name)| {
+                let property = vertex.properties.get_index(i);
+                property.is_some_and(|(_, p)| p.name == *name && p.data_type == float)
+            })
+    };
+    let floats = vertex.properties.len();
+    let has_normals = is(3..6, &["nx", "ny", "nz"]);
+    let after_normals = if has_normals { 6 } else { 3 };
+    let has_uvs = UV_NAMES
+        .iter()
+        .any(|names| is(after_normals..after_normals + 2, names));
+    let expected = after_normals + if has_uvs { 2 } else { 0 };
+    let faces_fit = |property: Option<(&String, &ply_rs_bw::ply::PropertyDef)>| {
+        property.is_some_and(|(_, p)| {
+            INDEX_NAMES.contains(&p.name.as_str())
+                && matches!(
+                    p.data_type,
+                    PropertyType::List(ScalarType::UChar, ScalarType::Int | ScalarType::UInt)
+                )
+        })
+    };
+    let has_material = face.properties.get_index(1).is_some_and(|(_, p)| {
+        p.name == "material" && p.data_type == PropertyType::Scalar(ScalarType::UChar)
+    });
+    if vertex.name != "vertex"
+        || face.name != "face"
+        || !is(0..3, &["x", "y", "z"])
+        || floats != expected
+        || !faces_fit(face.properties.get_index(0))
+        || face.properties.len() != 1 + usize::from(has_material)
+    {
+        return Ok(None);
+    }
+
+    let short = |what: &str, index: usize| {
+        SceneError::file(name, format!("the file ends within {what} {index}"))
+    };
+    let bytes_per_vertex = 4 * floats;
+    let size = vertex.count.saturating_mul(bytes_per_vertex);
+    let Some((vertices, mut rest)) = payload.split_at_checked(size) else {
+        return Err(short("vertex", payload.len() / bytes_per_vertex));
+    };
+    let mut mesh = PlyMesh::default();
+    let g = &mut mesh.geometry;
+    g.positions.reserve_exact(vertex.count);
+    g.normals
+        .reserve_exact(if has_normals { vertex.count } else { 0 });
+    g.uvs.reserve_exact(if has_uvs { vertex.count } else { 0 });
+    for bytes in vertices.chunks_exact(bytes_per_vertex) {
+        let at = |i: usize| {
+            let bytes = [
+                bytes[4 * i],
+                bytes[4 * i + 1],
+                bytes[4 * i + 2],
+                bytes[4 * i + 3],
+            ];
+            f32::from_le_bytes(bytes)
+        };
+        g.positions.push([at(0), at(1), at(2)]);
+        if has_normals {
+            g.normals.push([at(3), at(4), at(5)]);
+        }
+        if has_uvs {
+            g.uvs.push([at(after_normals), at(after_normals + 1)]);
+        }
+    }
+    g.triangles.reserve_exact(face.count);
+    let mut indices = Vec::with_capacity(255);
+    for index in 0..face.count {
+        let Some((&count, after)) = rest.split_first() else {
+            return Err(short("face", index));
+        };
+        let Some((list, after)) = after.split_at_checked(4 * usize::from(count)) else {
+            return Err(short("face", index));
+        };
+        indices.clear();
+        indices.extend(
+            list.chunks_exact(4)
+                .map(|b| i64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]]))),
+        );
+        let material = match (has_material, after.split_first()) {
+            (false, _) => {
+                rest = after;
+                None
+            }
+            (true, Some((&material, after))) => {
+                rest = after;
+                Some(material)
+            }
+            (true, None) => return Err(short("face", index)),
+        };
+        mesh.face(name, index, &indices, material)?;
+    }
+    Ok(Some(mesh))
+}
