@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use splitplane::TreeCard;
+use splitplane::{TreeCard, Wins};
 use splitplane_render::render::RayKinds;
 
 use crate::machine::Machine;
@@ -227,6 +227,10 @@ pub struct CardRecord {
     pub expected_visits: f64,
     /// Expected triangle tests of such a line, all leaves on it tested.
     pub expected_tests: f64,
+    /// Shares of the expected tests by the size of the leaf: `[[triangles, share]]`.
+    pub tests_by_leaf_size: Vec<(u32, f64)>,
+    /// Interior nodes by what their plane came from.
+    pub wins: WinsRecord,
     /// SAH cost, normalised by the root's area.
     pub sah_cost: f64,
     /// Bytes of nodes and references.
@@ -237,6 +241,36 @@ pub struct CardRecord {
     pub version: String,
     /// Commit of Splitplane.
     pub commit: String,
+}
+
+/// Interior nodes by what their plane came from.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct WinsRecord {
+    /// Planes across an axis.
+    pub axis: u64,
+    /// Planes across another direction: fixed, random, a normal, a cluster's centre.
+    pub direction: u64,
+    /// Planes of triangles.
+    pub triangle: u64,
+    /// Planes through a triangle's edge, perpendicular to it.
+    pub edge: u64,
+}
+
+impl From<Wins> for WinsRecord {
+    fn from(wins: Wins) -> Self {
+        let Wins {
+            axis,
+            direction,
+            triangle,
+            edge,
+        } = wins;
+        WinsRecord {
+            axis,
+            direction,
+            triangle,
+            edge,
+        }
+    }
 }
 
 impl CardRecord {
@@ -255,6 +289,7 @@ impl CardRecord {
             depths,
             expected_visits,
             expected_tests,
+            tests_by_leaf_size,
             sah_cost,
             bytes,
             build,
@@ -282,6 +317,8 @@ impl CardRecord {
             interior_by_depth: depths,
             expected_visits,
             expected_tests,
+            tests_by_leaf_size,
+            wins: build.wins.into(),
             sah_cost,
             tree_bytes: bytes,
             machine: built.machine.clone(),

@@ -13,7 +13,10 @@ use splitplane_render::scene::settings::{Integrator, LightStrategy, SamplerKind}
 const SKY: Light = Light::Infinite { radiance: [3.0; 3] };
 
 fn samples(count: u32) -> RenderSettings {
-    RenderSettings { samples_per_pixel: Some(count), ..Default::default() }
+    RenderSettings {
+        samples_per_pixel: Some(count),
+        ..Default::default()
+    }
 }
 
 #[track_caller]
@@ -38,12 +41,21 @@ fn square_above(half: f64, distance: f64) -> f64 {
 fn a_white_convex_body_vanishes_in_a_white_sky() {
     for material in [
         matte(1.0),
-        Material::Matte { kd: grey(1.0), sigma: grey(0.0) },
+        Material::Matte {
+            kd: grey(1.0),
+            sigma: grey(0.0),
+        },
         Material::Mirror { kr: grey(1.0) },
         smooth_glass(),
     ] {
         let scene = scene(vec![Part::cube(1.0, 4.0, material)], vec![SKY], 40.0);
-        let picture = rendered(&scene, &RenderSettings { max_depth: Some(100), ..samples(256) });
+        let picture = rendered(
+            &scene,
+            &RenderSettings {
+                max_depth: Some(100),
+                ..samples(256)
+            },
+        );
         assert_near(mean(&picture), 3.0, 0.01);
     }
 }
@@ -57,8 +69,18 @@ fn a_grey_convex_body_is_its_albedo_times_the_sky() {
 #[test]
 fn a_shining_closed_box_is_a_geometric_series_of_its_albedo() {
     let room = Part::cube(1.0, 0.0, matte(0.5)).shining(1.0, true);
-    for strategy in [LightStrategy::Uniform, LightStrategy::Power, LightStrategy::Spatial] {
-        let room = Part { positions: room.positions.clone(), triangles: room.triangles.clone(), material: matte(0.5), area_light: room.area_light.clone(), flip_normals: true };
+    for strategy in [
+        LightStrategy::Uniform,
+        LightStrategy::Power,
+        LightStrategy::Spatial,
+    ] {
+        let room = Part {
+            positions: room.positions.clone(),
+            triangles: room.triangles.clone(),
+            material: matte(0.5),
+            area_light: room.area_light.clone(),
+            flip_normals: true,
+        };
         let mut scene = scene(vec![room], vec![], 90.0);
         scene.integrator = Integrator::Path {
             max_depth: 3,
@@ -74,15 +96,26 @@ fn a_shining_closed_box_is_a_geometric_series_of_its_albedo() {
 fn russian_roulette_changes_no_mean() {
     let room = Part::cube(1.0, 0.0, matte(0.7)).shining(1.0, true);
     let scene = scene(vec![room], vec![], 90.0);
-    let picture = rendered(&scene, &RenderSettings { max_depth: Some(60), ..samples(512) });
+    let picture = rendered(
+        &scene,
+        &RenderSettings {
+            max_depth: Some(60),
+            ..samples(512)
+        },
+    );
     assert_near(mean(&picture), 1.0 / 0.3, 0.01);
 }
 
 #[test]
 fn a_point_light_falls_off_with_the_square_of_its_distance_and_the_cosine() {
-    let light = Light::Point { position: [0.5, -0.25, 1.0], intensity: [2.0; 3] };
+    let light = Light::Point {
+        position: [0.5, -0.25, 1.0],
+        intensity: [2.0; 3],
+    };
     let mut scene = scene(vec![Part::square(10.0, 2.0, matte(0.5))], vec![light], 60.0);
-    scene.sampler.kind = SamplerKind::Halton { sample_at_center: true };
+    scene.sampler.kind = SamplerKind::Halton {
+        sample_at_center: true,
+    };
     let picture = rendered(&scene, &samples(1));
     let tangent = 30f64.to_radians().tan();
     for (i, pixel) in picture.radiance.iter().enumerate() {
@@ -91,16 +124,27 @@ fn a_point_light_falls_off_with_the_square_of_its_distance_and_the_cosine() {
         let square = (x - 0.5).powi(2) + (y + 0.25).powi(2) + 1.0;
         let expected = 0.5 / PI * 2.0 / square / square.sqrt();
         assert_near(f64::from(pixel[0]), expected, 1e-4);
-        assert_near(f64::from(picture.depth[i]), (x * x + y * y + 4.0).sqrt(), 1e-5);
+        assert_near(
+            f64::from(picture.depth[i]),
+            (x * x + y * y + 4.0).sqrt(),
+            1e-5,
+        );
     }
     assert_eq!((picture.rays.camera, picture.rays.shadow), (64, 64));
 }
 
 #[test]
 fn a_distant_light_gives_albedo_over_pi_times_the_cosine() {
-    let light = Light::Distant { towards: [0.6, 0.0, -0.8], radiance: [5.0; 3] };
+    let light = Light::Distant {
+        towards: [0.6, 0.0, -0.8],
+        radiance: [5.0; 3],
+    };
     let scene = scene(vec![Part::square(10.0, 2.0, matte(0.5))], vec![light], 60.0);
-    assert_near(mean(&rendered(&scene, &samples(1))), 5.0 * 0.8 * 0.5 / PI, 1e-5);
+    assert_near(
+        mean(&rendered(&scene, &samples(1))),
+        5.0 * 0.8 * 0.5 / PI,
+        1e-5,
+    );
 }
 
 #[test]
@@ -111,11 +155,22 @@ fn a_square_light_gives_its_form_factor_with_every_integrator() {
     let expected = 0.5 * 4.0 * square_above(1.5, 2.5);
     for integrator in [
         path(1),
-        Integrator::Direct { max_depth: 1, all_lights: true },
-        Integrator::Direct { max_depth: 5, all_lights: false },
+        Integrator::Direct {
+            max_depth: 1,
+            all_lights: true,
+        },
+        Integrator::Direct {
+            max_depth: 5,
+            all_lights: false,
+        },
     ] {
         scene.integrator = integrator;
-        for kind in [SamplerKind::Random, SamplerKind::Halton { sample_at_center: false }] {
+        for kind in [
+            SamplerKind::Random,
+            SamplerKind::Halton {
+                sample_at_center: false,
+            },
+        ] {
             scene.sampler.kind = kind;
             assert_near(mean(&rendered(&scene, &samples(1024))), expected, 0.01);
         }
@@ -140,7 +195,13 @@ fn a_mirror_shows_what_is_behind_the_camera() {
     let mirror = Part::square(10.0, 1.0, Material::Mirror { kr: grey(0.5) });
     let lamp = Part::square(10.0, -2.0, matte(0.0)).shining(4.0, false);
     let mut scene = scene(vec![mirror, lamp], vec![], 40.0);
-    for integrator in [path(2), Integrator::Direct { max_depth: 2, all_lights: true }] {
+    for integrator in [
+        path(2),
+        Integrator::Direct {
+            max_depth: 2,
+            all_lights: true,
+        },
+    ] {
         scene.integrator = integrator;
         assert_near(mean(&rendered(&scene, &samples(4))), 2.0, 1e-5);
     }
@@ -149,9 +210,15 @@ fn a_mirror_shows_what_is_behind_the_camera() {
 #[test]
 fn smooth_glass_loses_nothing_when_both_its_rays_are_followed() {
     let mut scene = scene(vec![Part::cube(1.0, 4.0, smooth_glass())], vec![SKY], 40.0);
-    scene.integrator = Integrator::Direct { max_depth: 9, all_lights: true };
+    scene.integrator = Integrator::Direct {
+        max_depth: 9,
+        all_lights: true,
+    };
     let radiance = mean(&rendered(&scene, &samples(4)));
-    assert!(radiance > 0.97 * 3.0 && radiance < 1.0001 * 3.0, "{radiance}");
+    assert!(
+        radiance > 0.97 * 3.0 && radiance < 1.0001 * 3.0,
+        "{radiance}"
+    );
 }
 
 #[test]
@@ -172,7 +239,10 @@ fn rough_glass_and_plastic_and_uber_never_give_more_than_they_get() {
     };
     for (material, least) in [(glass(0.1), 0.9), (glass(0.5), 0.6), (plastic, 0.5)] {
         let scene = scene(vec![Part::cube(1.0, 4.0, material)], vec![SKY], 20.0);
-        let settings = RenderSettings { max_depth: Some(50), ..samples(256) };
+        let settings = RenderSettings {
+            max_depth: Some(50),
+            ..samples(256)
+        };
         let radiance = mean(&rendered(&scene, &settings)) / 3.0;
         assert!(radiance > least && radiance < 1.01, "{radiance}");
     }
@@ -192,7 +262,10 @@ fn an_uber_body_of_any_opacity_that_absorbs_nothing_vanishes_too() {
             remap_roughness: true,
         };
         let scene = scene(vec![Part::cube(1.0, 4.0, uber)], vec![SKY], 20.0);
-        let settings = RenderSettings { max_depth: Some(100), ..samples(512) };
+        let settings = RenderSettings {
+            max_depth: Some(100),
+            ..samples(512)
+        };
         assert_near(mean(&rendered(&scene, &settings)), 3.0, 0.015);
     }
 }
@@ -201,11 +274,29 @@ fn an_uber_body_of_any_opacity_that_absorbs_nothing_vanishes_too() {
 fn interfaces_are_not_there() {
     let floor = || Part::square(50.0, 2.0, matte(0.5));
     let around = Part::cube(1.0, 0.0, Material::Interface);
-    for integrator in [path(3), Integrator::Direct { max_depth: 1, all_lights: true }] {
-        let mut scene = scene(vec![floor(), Part { ..around_clone(&around) }], vec![SKY], 40.0);
+    for integrator in [
+        path(3),
+        Integrator::Direct {
+            max_depth: 1,
+            all_lights: true,
+        },
+    ] {
+        let mut scene = scene(
+            vec![
+                floor(),
+                Part {
+                    ..around_clone(&around)
+                },
+            ],
+            vec![SKY],
+            40.0,
+        );
         scene.integrator = integrator;
         // Shadow rays do end at interfaces, but none reaches below the cube from most of the floor.
-        scene.lights = vec![Light::Distant { towards: [0.995, 0.0, -0.0998], radiance: [5.0; 3] }];
+        scene.lights = vec![Light::Distant {
+            towards: [0.995, 0.0, -0.0998],
+            radiance: [5.0; 3],
+        }];
         let with = mean(&rendered(&scene, &samples(4)));
         assert_near(with, 5.0 * 0.5 * 0.0998 / PI, 1e-3);
     }
@@ -227,7 +318,10 @@ fn ambient_occlusion_is_pi_times_the_open_part() {
     let cover = || Part::square(1.5, -0.5, matte(0.5));
     let open = |parts, cosine| {
         let mut scene = scene(parts, vec![], 0.5);
-        scene.integrator = Integrator::AmbientOcclusion { cosine, samples: 16 };
+        scene.integrator = Integrator::AmbientOcclusion {
+            cosine,
+            samples: 16,
+        };
         mean(&rendered(&scene, &samples(64)))
     };
     for cosine in [true, false] {

@@ -20,7 +20,10 @@ pub(crate) fn grey(value: f32) -> TextureRef {
 }
 
 pub(crate) fn matte(value: f32) -> Material {
-    Material::Matte { kd: grey(value), sigma: grey(0.0) }
+    Material::Matte {
+        kd: grey(value),
+        sigma: grey(0.0),
+    }
 }
 
 /// A shape to be: vertices, triangles, and what they are made of.
@@ -60,12 +63,24 @@ impl Part {
             [0, 2, 3, 1],
             [4, 5, 7, 6],
         ];
-        let triangles = quads.iter().flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-        Part { positions, triangles, material, area_light: None, flip_normals: false }
+        let triangles = quads
+            .iter()
+            .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]])
+            .collect();
+        Part {
+            positions,
+            triangles,
+            material,
+            area_light: None,
+            flip_normals: false,
+        }
     }
 
     pub(crate) fn shining(mut self, radiance: f32, flip_normals: bool) -> Part {
-        self.area_light = Some(AreaLight { radiance: [radiance; 3], two_sided: false });
+        self.area_light = Some(AreaLight {
+            radiance: [radiance; 3],
+            two_sided: false,
+        });
         self.flip_normals = flip_normals;
         self
     }
@@ -114,7 +129,9 @@ pub(crate) fn scene(parts: Vec<Part>, lights: Vec<Light>, fov: f32) -> Scene {
         },
         filter: Filter::Box { radius: [0.5, 0.5] },
         sampler: Sampler {
-            kind: SamplerKind::Halton { sample_at_center: false },
+            kind: SamplerKind::Halton {
+                sample_at_center: false,
+            },
             samples_per_pixel: 16,
         },
         integrator: path(5),
@@ -124,7 +141,11 @@ pub(crate) fn scene(parts: Vec<Part>, lights: Vec<Light>, fov: f32) -> Scene {
 }
 
 pub(crate) fn path(max_depth: u32) -> Integrator {
-    Integrator::Path { max_depth, rr_threshold: 1.0, light_strategy: LightStrategy::Spatial }
+    Integrator::Path {
+        max_depth,
+        rr_threshold: 1.0,
+        light_strategy: LightStrategy::Spatial,
+    }
 }
 
 pub(crate) fn tree_of(scene: &Scene) -> Tree {
