@@ -5,9 +5,9 @@
 
 #![forbid(unsafe_code)]
 
+pub mod error;
 pub mod output;
 pub mod render;
-pub mod error;
 pub mod scene;
 pub mod transform;
 
