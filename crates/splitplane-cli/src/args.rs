@@ -105,7 +105,7 @@ pub struct CompareCommand {
     )]
     pub trees: Vec<TreeChoice>,
     /// Build and render with each tree this many times, interleaved; times are medians
-    #[arg(long, default_value_t = 1, value_name = "N", value_parser = value_parser!(u32).range(1..=1000))]
+    #[arg(long, default_value_t = 1, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u32).range(1..=1000))]
     pub repeat: u32,
     #[command(flatten)]
     pub build: BuildArgs,
@@ -223,7 +223,12 @@ pub struct BuildArgs {
     #[arg(long, value_enum, ignore_case = true)]
     pricing: Option<Pricing>,
     /// Seed of the directions that are drawn at random
-    #[arg(long, default_value_t = 0, value_name = "N")]
+    #[arg(
+        long,
+        default_value_t = 0,
+        value_name = "N",
+        allow_negative_numbers = true
+    )]
     seed: u64,
 }
 
@@ -241,19 +246,24 @@ pub enum Pricing {
 #[command(next_help_heading = "The picture [default: as the scene says]")]
 pub struct PictureArgs {
     /// Samples per pixel
-    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u32).range(1..=1_000_000))]
     spp: Option<u32>,
     /// Size of the full picture in pixels; a width alone keeps the scene's proportions
-    #[arg(long, value_name = "WxH or W", value_parser = Resolution::parse)]
+    #[arg(long, value_name = "WxH or W", allow_negative_numbers = true, value_parser = Resolution::parse)]
     resolution: Option<Resolution>,
     /// The part to render, in fractions of the picture from its left and top
     #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = crop, allow_hyphen_values = true)]
     crop: Option<[f32; 4]>,
     /// The most bounces of a path
-    #[arg(long, value_name = "N", value_parser = value_parser!(u32).range(0..=10_000))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u32).range(0..=10_000))]
     max_depth: Option<u32>,
     /// Seed of the samples; 0 gives those of pbrt-v3
-    #[arg(long, default_value_t = 0, value_name = "N")]
+    #[arg(
+        long,
+        default_value_t = 0,
+        value_name = "N",
+        allow_negative_numbers = true
+    )]
     sample_seed: u64,
 }
 
@@ -269,7 +279,7 @@ pub struct OutArgs {
 #[derive(Debug, Args)]
 pub struct GeneralArgs {
     /// Threads [default: one per core]; results are the same for any number
-    #[arg(long, value_name = "N", value_parser = value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u16).range(1..=1024))]
     threads: Option<u16>,
     /// No progress, notes or warnings
     #[arg(long, short)]

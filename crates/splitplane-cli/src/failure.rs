@@ -1,6 +1,7 @@
 //! How a command fails.
 
 use std::io;
+use std::path::Path;
 
 use miette::Report;
 use splitplane_lab::LabError;
@@ -43,5 +44,32 @@ impl From<LabError> for Failure {
 impl From<splitplane_render::output::OutputError> for Failure {
     fn from(error: splitplane_render::output::OutputError) -> Failure {
         Failure::input(error)
+    }
+}
+
+/// Creates the folder where output will go, before any work is done for it.
+pub fn writable_folder(folder: &Path) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|error| {
+        Failure::input(format!(
+            "the folder {} cannot be made: {error}",
+            folder.display()
+        ))
+    })
+}
+
+/// Checks that the file's folder is there, before any work is done for it.
+pub fn writable_place(file: &Path) -> Result<(), Failure> {
+    let folder = match file.parent() {
+        Some(folder) if folder != Path::new("") => folder,
+        _ => return Ok(()),
+    };
+    if folder.is_dir() {
+        Ok(())
+    } else {
+        Err(Failure::input(format!(
+            "{} cannot be written: there is no folder {}",
+            file.display(),
+            folder.display()
+        )))
     }
 }

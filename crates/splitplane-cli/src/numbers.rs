@@ -13,6 +13,12 @@ pub fn grouped(number: u64) -> String {
     text
 }
 
+/// A number of things: `1 thread`, `2 threads`.
+pub fn count(number: u64, thing: &str) -> String {
+    let plural = if number == 1 { "" } else { "s" };
+    format!("{} {thing}{plural}", grouped(number))
+}
+
 /// A number with about four significant digits: `0.1234`, `12.34`, `1,234`.
 pub fn measured(number: f64) -> String {
     if !number.is_finite() {

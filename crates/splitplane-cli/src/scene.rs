@@ -1,24 +1,87 @@
 //! Scenes, as the command line names them.
 
-use splitplane_render::scene::Scene;
+use std::path::{Path, PathBuf};
 
-use crate::args::SceneArgs;
+use miette::{LabeledSpan, NamedSource, Report};
+use splitplane_render::SceneError;
+use splitplane_render::scene::{LoadOptions, Scene, load as load_scene};
+
+use crate::args::{SceneArgs, SearchArgs};
 use crate::failure::Failure;
+use crate::print;
 
-pub fn load(args: &SceneArgs, _quiet: bool) -> Result<Scene, Failure> {
-    Err(Failure::input(format!("{}: no loader", args.scene)))
+/// Reads a scene, and tells what it says of itself.
+pub fn load(args: &SceneArgs, quiet: bool) -> Result<Scene, Failure> {
+    let options = LoadOptions {
+        defines: args.definitions.iter().cloned().collect(),
+        search: folders(&args.search),
+    };
+    let scene =
+        load_scene(&args.scene, &options).map_err(|error| Failure::Input(report(&error)))?;
+    if !quiet {
+        for note in &scene.notes {
+            let text = format!("{}: {}", note.place, note.text);
+            if note.warning {
+                print::warning(&text);
+            } else {
+                print::note(&text);
+            }
+        }
+    }
+    Ok(scene)
+}
+
+/// The folders in which scenes are looked for, in this order.
+pub fn folders(args: &SearchArgs) -> Vec<PathBuf> {
+    let mut folders = args.scenes.clone();
+    if let Some(variable) = std::env::var_os("SPLITPLANE_SCENES") {
+        folders.extend(std::env::split_paths(&variable).filter(|path| path != Path::new("")));
+    }
+    folders
+}
+
+/// The error, with the lines of the file that it speaks of where they can be shown.
+fn report(error: &SceneError) -> Report {
+    match place(error) {
+        Some((source, at)) => {
+            let label = LabeledSpan::at_offset(at, "here");
+            Report::from(miette::MietteDiagnostic::new(error.to_string()).with_label(label))
+                .with_source_code(source)
+        }
+        None => miette::miette!("{error}"),
+    }
+}
+
+/// The text of the file that an error speaks of, and where in it, in bytes.
+fn place(error: &SceneError) -> Option<(NamedSource<String>, usize)> {
+    if error.line == 0 || error.column == 0 {
+        return None;
+    }
+    let path = Path::new(&error.file);
+    let size = path.metadata().ok()?;
+    // More than anybody writes by hand, and than is worth reading for a few lines.
+    if !size.is_file() || size.len() > 16 << 20 {
+        return None;
+    }
+    let text = std::fs::read_to_string(path).ok()?;
+    let line = text.split_inclusive('\n').nth(error.line as usize - 1)?;
+    // A line too long for a screen shows nothing.
+    if line.len() > 500 {
+        return None;
+    }
+    let line_at = line.as_ptr() as usize - text.as_ptr() as usize;
+    let (in_line, _) = line.char_indices().nth(error.column as usize - 1)?;
+    Some((
+        NamedSource::new(&error.file, text.clone()),
+        line_at + in_line,
+    ))
 }
 
 /// A scene's or tree's name as part of a file's: what a file system or a shell may not like
 /// becomes a hyphen.
 pub fn file_name(name: &str) -> String {
+    let plain = |c: char| c.is_alphanumeric() || matches!(c, '.' | '_' | '+' | '-');
     name.chars()
-        .map(|c| {
-            if c.is_alphanumeric() || matches!(c, '.' | '_' | '+' | '-') {
-                c
-            } else {
-                '-'
-            }
-        })
+        .map(|c| if plain(c) { c } else { '-' })
         .collect()
 }

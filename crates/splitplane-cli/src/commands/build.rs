@@ -4,7 +4,7 @@ use splitplane_lab::{CardRecord, Preset, build};
 
 use crate::args::BuildCommand;
 use crate::failure::Failure;
-use crate::numbers::{bytes, grouped, measured, percent, seconds};
+use crate::numbers::{bytes, count, grouped, measured, percent, seconds};
 use crate::progress::{self, Bar};
 use crate::{print, scene};
 
@@ -64,10 +64,7 @@ fn text(card: &CardRecord) -> String {
         ),
         ("depth", grouped(card.depth.into())),
         ("bad refines", grouped(card.bad_refines)),
-        (
-            "largest leaf",
-            format!("{} triangles", grouped(card.largest_leaf)),
-        ),
+        ("largest leaf", count(card.largest_leaf, "triangle")),
         ("expected visits per ray", measured(card.expected_visits)),
         ("expected tests per ray", measured(card.expected_tests)),
         ("SAH cost", measured(card.sah_cost)),
@@ -85,12 +82,11 @@ fn text(card: &CardRecord) -> String {
         histogram(card)
     );
     text.push_str(&format!(
-        "\n\n{} parameters, ties {}, seed {}, {} thread{}\n",
+        "\n\n{} parameters, ties {}, seed {}, {}\n",
         card.preset,
         card.build_params.ties,
         card.seed,
-        card.threads,
-        if card.threads == 1 { "" } else { "s" }
+        count(card.threads as u64, "thread"),
     ));
     text.push_str("A ray: a random line through the scene's box that tests all leaves on its way.");
     text

@@ -10,12 +10,13 @@ use splitplane::{Hit, Ray, TREES, Tree, TreeChoice};
 use splitplane_lab::{LabError, Preset, build, write_whole};
 
 use crate::args::{CastCommand, Query};
-use crate::failure::Failure;
-use crate::numbers::{grouped, seconds};
+use crate::failure::{Failure, writable_place};
+use crate::numbers::{count, grouped, seconds};
 use crate::progress::{self, Bar};
 use crate::{print, scene};
 
 pub fn run(command: &CastCommand) -> Result<(), Failure> {
+    writable_place(&command.out)?;
     let quiet = command.general.quiet;
     let rays = read_rays(&command.rays)
         .map_err(|error| Failure::input(format!("{}: {error}", command.rays.display())))?;
@@ -28,7 +29,7 @@ pub fn run(command: &CastCommand) -> Result<(), Failure> {
     let bar = Bar::new(quiet, 1, 1);
     bar.spin(format!("{tree}: building the tree"));
     let built = build(&scene.mesh, tree, &settings)?;
-    bar.spin(format!("casting {} rays", grouped(rays.len() as u64)));
+    bar.spin(format!("casting {}", count(rays.len() as u64, "ray")));
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(command.general.threads())
         .build()
@@ -45,11 +46,11 @@ pub fn run(command: &CastCommand) -> Result<(), Failure> {
         }
     })?;
     print::line(&format!(
-        "{} of {} rays hit {} ({} triangles; {tree} built in {}, cast in {})",
+        "{} of {} hit {} ({}; {tree} built in {}, cast in {})",
         grouped(hits.count() as u64),
-        grouped(rays.len() as u64),
+        count(rays.len() as u64, "ray"),
         scene.name,
-        grouped(scene.mesh.triangles().len() as u64),
+        count(scene.mesh.triangles().len() as u64, "triangle"),
         seconds(built.seconds),
         seconds(elapsed),
     ))?;

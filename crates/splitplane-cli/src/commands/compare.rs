@@ -10,8 +10,8 @@ use splitplane_lab::{
 use splitplane_render::output::{write_exr, write_false_colour, write_png};
 
 use crate::args::CompareCommand;
-use crate::failure::Failure;
-use crate::numbers::{bytes, grouped, measured, percent, seconds};
+use crate::failure::{Failure, writable_folder, writable_place};
+use crate::numbers::{bytes, count, grouped, measured, percent, seconds};
 use crate::progress::{self, Bar};
 use crate::{print, scene};
 
@@ -21,6 +21,10 @@ pub fn run(command: &CompareCommand) -> Result<(), Failure> {
         if trees[..i].contains(tree) {
             return Err(Failure::input(format!("--trees names {tree} twice")));
         }
+    }
+    writable_folder(&command.out.out)?;
+    if let Some(json) = &command.json {
+        writable_place(json)?;
     }
     let quiet = command.general.quiet;
     let mut settings = command.build.settings(Preset::Thesis, &command.general);
@@ -82,19 +86,18 @@ fn conditions(record: &Record, repeat: u32) -> String {
         format!(", {} of them rendered", grouped(record.pixels))
     };
     format!(
-        "{}: {} triangles, {} x {} pixels{crop}, {} samples per pixel{depth}\n\
-         {} parameters, ties {}, seed {}, {} thread{}, {}\n\
+        "{}: {}, {} x {} pixels{crop}, {} per pixel{depth}\n\
+         {} parameters, ties {}, seed {}, {}, {}\n\
          rays: {} camera, {} bounce, {} shadow",
         record.scene,
-        grouped(record.triangles),
+        count(record.triangles, "triangle"),
         record.width,
         record.height,
-        record.spp,
+        count(record.spp.into(), "sample"),
         record.preset,
         record.build_params.ties,
         record.seed,
-        record.threads,
-        if record.threads == 1 { "" } else { "s" },
+        count(record.threads as u64, "thread"),
         if repeat == 1 {
             "one run".to_owned()
         } else {
@@ -136,7 +139,14 @@ fn write(
     found: &Comparison,
 ) -> Result<Vec<(&'static str, PathBuf)>, Failure> {
     let out: &Path = &command.out.out;
+    // The records first: they cannot be had again at the same price.
     let mut written = Vec::new();
+    let json = match &command.json {
+        Some(path) => path.clone(),
+        None => out.join(format!("{scene}.json")),
+    };
+    write_records(&json, &found.records)?;
+    written.push(("records", json));
     let of_tree = |tree: &TreeChoice, rest: &str| {
         out.join(format!(
             "{scene}-{}{rest}",
@@ -171,12 +181,6 @@ fn write(
             written.push((quantity.label(), path));
         }
     }
-    let json = match &command.json {
-        Some(path) => path.clone(),
-        None => out.join(format!("{scene}.json")),
-    };
-    write_records(&json, &found.records)?;
-    written.push(("records", json));
     Ok(written)
 }
 

@@ -8,12 +8,16 @@ use splitplane_render::output::{write_exr, write_png};
 use splitplane_render::scene::Scene;
 
 use crate::args::RenderCommand;
-use crate::failure::Failure;
-use crate::numbers::{grouped, seconds};
+use crate::failure::{Failure, writable_folder, writable_place};
+use crate::numbers::{count, grouped, seconds};
 use crate::progress::{self, Bar};
 use crate::{print, scene};
 
 pub fn run(command: &RenderCommand) -> Result<(), Failure> {
+    writable_folder(&command.out.out)?;
+    if let Some(json) = &command.json {
+        writable_place(json)?;
+    }
     let quiet = command.general.quiet;
     let mut settings = command.build.settings(Preset::Default, &command.general);
     let scene = scene::load(&command.scene, quiet)?;
@@ -49,11 +53,11 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
         write_records(json, std::slice::from_ref(&record))?;
     }
     print::line(&format!(
-        "{} with {tree}: {} x {} pixels, {} samples per pixel, built in {}, rendered in {}",
+        "{} with {tree}: {} x {} pixels, {} per pixel, built in {}, rendered in {}",
         scene.name,
         picture.width,
         picture.height,
-        record.spp,
+        count(record.spp.into(), "sample"),
         seconds(record.build_s),
         seconds(record.render_s),
     ))?;

@@ -1,0 +1,248 @@
+//! `splitplane compare` and `splitplane render`, from a scene file to pictures and records.
+
+mod common;
+
+use std::path::Path;
+
+use common::{folder, hills_scene, outcome, splitplane};
+use serde_json::Value;
+use splitplane::TREES;
+
+fn records(path: &Path) -> Vec<Value> {
+    let text = std::fs::read_to_string(path).unwrap();
+    serde_json::from_str(&text).unwrap()
+}
+
+fn all_trees() -> String {
+    let names: Vec<&str> = TREES.iter().map(|spec| spec.name).collect();
+    names.join(",")
+}
+
+#[test]
+fn a_comparison_of_all_trees_writes_pictures_and_records_and_says_where() {
+    let folder = folder();
+    hills_scene(folder.path(), "");
+    let (code, out, err) = outcome(splitplane(&folder).args([
+        "compare",
+        "hills.pbrt",
+        "--repeat",
+        "2",
+        "--trees",
+        &all_trees(),
+    ]));
+    assert_eq!(code, 0, "{err}");
+    assert!(out.contains("identical, bit by bit"), "{out}");
+    for row in [
+        "render time",
+        "build time",
+        "oblique",
+        "empty leaves",
+        "SAH cost",
+        "triangle tests",
+        "interior node visits",
+        "camera rays",
+        "bounce rays",
+        "shadow rays",
+        "100.0 %",
+        "medians of 2",
+        "published",
+        "Peak memory",
+    ] {
+        assert!(out.contains(row), "no {row} in\n{out}");
+    }
+    let records = records(&folder.path().join("out/hills.json"));
+    assert_eq!(records.len(), 2 * TREES.len());
+    for (i, record) in records.iter().enumerate() {
+        let spec = &TREES[i % TREES.len()];
+        assert_eq!(record["tree"], spec.name);
+        assert_eq!(record["k"].is_null(), !spec.takes_direction_count());
+        assert_eq!(record["repetition"], (i / TREES.len()) as u64);
+        assert_eq!(record["scene"], "hills");
+        for (field, value) in [
+            ("triangles", 288),
+            ("seed", 0),
+            ("spp", 2),
+            ("width", 24),
+            ("height", 16),
+            ("max_depth", 3),
+        ] {
+            assert_eq!(record[field], value, "{field}");
+        }
+        for field in ["build_s", "render_s", "sah_cost"] {
+            assert!(record[field].as_f64().unwrap() > 0.0, "{field}");
+        }
+        for field in ["threads", "references", "depth", "tree_bytes"] {
+            assert!(record[field].as_u64().unwrap() > 0, "{field}");
+        }
+        assert!(record["bad_refines"].is_u64());
+        for kind in ["kd", "oblique", "leaf", "empty_leaf"] {
+            assert!(record["nodes"][kind].is_u64(), "nodes.{kind}");
+        }
+        for field in [
+            "rays",
+            "triangle_tests",
+            "kd_visits",
+            "oblique_visits",
+            "leaf_visits",
+        ] {
+            for kind in ["camera", "bounce", "shadow"] {
+                assert!(record[field][kind].is_u64(), "{field}.{kind}");
+            }
+        }
+        assert_eq!(record["rays"]["camera"], 24 * 16 * 2);
+        for field in ["cpu", "os"] {
+            assert!(!record["machine"][field].as_str().unwrap().is_empty());
+        }
+        assert!(record["machine"]["cores"].as_u64().unwrap() > 0);
+        assert!(record["machine"].get("load_1m").is_some());
+        assert_eq!(record["version"], env!("CARGO_PKG_VERSION"));
+        assert!(!record["commit"].as_str().unwrap().is_empty());
+    }
+    // All that was said to be written is there, and nothing else.
+    let mut said: Vec<&str> = out
+        .lines()
+        .filter_map(|line| line.split_once(": out/").map(|(_, name)| name))
+        .collect();
+    let mut there: Vec<String> = std::fs::read_dir(folder.path().join("out"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    said.sort_unstable();
+    there.sort_unstable();
+    assert_eq!(said, there);
+    // One picture, one table of records; per tree one EXR and two pictures in false colour.
+    assert_eq!(there.len(), 2 + 3 * TREES.len());
+}
+
+#[test]
+fn counters_and_pictures_do_not_depend_on_the_number_of_threads() {
+    let folder = folder();
+    hills_scene(folder.path(), "");
+    for threads in ["1", "2"] {
+        let (code, _, err) = outcome(splitplane(&folder).args([
+            "compare",
+            "hills.pbrt",
+            "--trees",
+            &all_trees(),
+            "--threads",
+            threads,
+            "--out",
+            threads,
+        ]));
+        assert_eq!(code, 0, "{err}");
+    }
+    let of = |threads: &str| records(&folder.path().join(threads).join("hills.json"));
+    for (one, two) in of("1").iter().zip(&of("2")) {
+        assert_eq!((&one["threads"], &two["threads"]), (&1.into(), &2.into()));
+        for field in [
+            "nodes",
+            "references",
+            "depth",
+            "bad_refines",
+            "sah_cost",
+            "tree_bytes",
+            "rays",
+            "triangle_tests",
+            "kd_visits",
+            "oblique_visits",
+            "leaf_visits",
+        ] {
+            assert_eq!(one[field], two[field], "{field} of {}", one["tree"]);
+        }
+    }
+    for name in ["hills.png", "hills-kd.exr"] {
+        let read = |threads| std::fs::read(folder.path().join(threads).join(name)).unwrap();
+        assert!(read("1") == read("2"), "{name}");
+    }
+}
+
+#[test]
+fn options_stand_in_for_what_the_scene_says() {
+    let folder = folder();
+    hills_scene(folder.path(), "");
+    let (code, out, err) = outcome(splitplane(&folder).args([
+        "compare",
+        "hills.pbrt",
+        "--trees",
+        "kd",
+        "--spp",
+        "1",
+        "--resolution",
+        "48",
+        "--crop",
+        "0,0.5,0,1",
+        "--max-depth",
+        "0",
+        "--seed",
+        "7",
+        "--ties",
+        "tolerant",
+        "--pricing",
+        "fork",
+        "--json",
+        "record.json",
+        "--out",
+        "pictures/of/hills",
+        "--quiet",
+    ]));
+    assert_eq!(code, 0, "{err}");
+    assert_eq!(err, "");
+    assert!(out.contains("record.json"), "{out}");
+    let records = records(&folder.path().join("record.json"));
+    let record = &records[0];
+    for (field, value) in [
+        ("spp", 1),
+        ("width", 48),
+        ("height", 32),
+        ("pixels", 24 * 32),
+        ("max_depth", 0),
+        ("seed", 7),
+    ] {
+        assert_eq!(record[field], value, "{field}");
+    }
+    assert_eq!(record["rays"]["bounce"], 0);
+    assert_eq!(record["preset"], "thesis");
+    assert_eq!(record["build_params"]["ties"], "tolerant");
+    assert_eq!(record["build_params"]["oblique_pricing"], "fork");
+    assert!(folder.path().join("pictures/of/hills/hills.png").is_file());
+    assert!(!folder.path().join("pictures/of/hills/hills.json").exists());
+}
+
+#[test]
+fn a_rendering_takes_the_tree_that_the_scene_names() {
+    for spec in TREES {
+        let folder = folder();
+        let accelerator = if spec.pbrt_name.is_empty() {
+            spec.name
+        } else {
+            spec.pbrt_name
+        };
+        hills_scene(folder.path(), &format!("Accelerator \"{accelerator}\""));
+        let (code, _, err) =
+            outcome(splitplane(&folder).args(["render", "hills.pbrt", "--json", "record.json"]));
+        assert_eq!(code, 0, "{err}");
+        let records = records(&folder.path().join("record.json"));
+        assert_eq!(records.len(), 1);
+        assert_eq!(records[0]["tree"], spec.name);
+        assert_eq!(records[0]["counted_while_timed"], true);
+        assert!(folder.path().join("out/hills.png").is_file());
+        assert!(folder.path().join("out/hills.exr").is_file());
+    }
+}
+
+#[test]
+fn values_are_put_in_place_of_names_in_a_template() {
+    let folder = folder();
+    hills_scene(folder.path(), "Accelerator \"$tree\"");
+    let render = ["render", "hills.pbrt", "--json", "record.json"];
+    let (code, _, err) = outcome(
+        splitplane(&folder)
+            .args(render)
+            .args(["--define", "tree=wn+kd"]),
+    );
+    assert_eq!(code, 0, "{err}");
+    assert_eq!(
+        records(&folder.path().join("record.json"))[0]["tree"],
+        "wn+kd"
+    );
+}

@@ -1,0 +1,120 @@
+//! What the project's pages say holds.
+
+mod common;
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+
+use common::{folder, outcome, splitplane};
+
+fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../..")
+}
+
+fn page(name: &str) -> String {
+    fs::read_to_string(root().join(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+}
+
+/// The lines of the page's shell blocks, without comments.
+fn commands(page: &str) -> Vec<String> {
+    let mut lines = Vec::new();
+    let mut in_shell = false;
+    for line in page.lines() {
+        if let Some(language) = line.strip_prefix("```") {
+            in_shell = !in_shell && matches!(language, "sh" | "bash" | "console");
+        } else if in_shell {
+            let command = line.split(" #").next().unwrap_or_default().trim();
+            if !command.is_empty() && !command.starts_with('#') {
+                lines.push(command.to_owned());
+            }
+        }
+    }
+    lines
+}
+
+#[test]
+fn every_command_of_the_readme_is_one_that_the_command_line_takes() {
+    let commands = commands(&page("README.md"));
+    let mut checked = 0;
+    for command in &commands {
+        let words: Vec<&str> = command.split_whitespace().collect();
+        let arguments = match words.as_slice() {
+            ["cargo", "run", "--release", "--", rest @ ..] => rest,
+            ["splitplane", rest @ ..] => rest,
+            _ => continue,
+        };
+        // With --help behind, everything is parsed that comes before it, and nothing is done.
+        let (code, out, err) = outcome(splitplane(&folder()).args(arguments).arg("--help"));
+        assert_eq!(code, 0, "{command}: {err}");
+        assert!(
+            out.contains(&format!("splitplane {}", arguments[0])),
+            "{command}"
+        );
+        checked += 1;
+    }
+    assert!(checked >= 2, "{commands:?}");
+    let first = commands.iter().find(|command| command.contains("compare"));
+    assert_eq!(
+        first.map(String::as_str),
+        Some("cargo run --release -- compare truck --trees kd,wn+kd:6")
+    );
+}
+
+#[test]
+fn ci_runs_the_very_line_that_the_readme_gives_for_the_tests() {
+    let line = "cargo test --workspace";
+    assert!(commands(&page("README.md")).contains(&line.to_owned()));
+    let steps = page(".ci/run");
+    assert!(
+        steps.lines().any(|step| step == format!("step {line}")),
+        "{steps}"
+    );
+}
+
+#[test]
+fn every_source_that_a_comment_cites_is_in_the_references_and_every_reference_is_cited() {
+    let references = page("REFERENCES.md");
+    let listed: BTreeSet<String> = references
+        .lines()
+        .filter_map(|line| Some(line.strip_prefix("**[")?.split(']').next()?.to_owned()))
+        .collect();
+    let mut cited = BTreeSet::new();
+    let mut pending = vec![root().join("crates")];
+    while let Some(path) = pending.pop() {
+        if path.is_dir() {
+            pending.extend(
+                fs::read_dir(&path)
+                    .unwrap()
+                    .map(|entry| entry.unwrap().path()),
+            );
+        } else if path.extension().is_some_and(|extension| extension == "rs") {
+            let text = fs::read_to_string(&path).unwrap();
+            for part in text.split('[').skip(1) {
+                let key: String = part
+                    .chars()
+                    .take_while(char::is_ascii_alphanumeric)
+                    .collect();
+                let behind = part[key.len()..].chars().next();
+                if is_key(&key) && matches!(behind, Some(']' | ',')) {
+                    assert!(
+                        listed.contains(&key),
+                        "[{key}], cited in {}",
+                        path.display()
+                    );
+                    cited.insert(key);
+                }
+            }
+        }
+    }
+    assert_eq!(listed, cited);
+}
+
+/// A name and a year, or the book with its edition.
+fn is_key(text: &str) -> bool {
+    let year = text.trim_start_matches(|c: char| c.is_ascii_alphabetic());
+    let name = &text[..text.len() - year.len()];
+    let is_year = year.len() == 4 && year.bytes().all(|c| c.is_ascii_digit());
+    let is_name = name.len() > 2 && name.starts_with(|c: char| c.is_ascii_uppercase());
+    (is_year && is_name) || text == "PBRT3"
+}
