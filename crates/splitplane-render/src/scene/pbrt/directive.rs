@@ -106,6 +106,9 @@ impl Directive {
 /// More files inside each other than any scene has.
 const DEEPEST_INCLUDE: usize = 64;
 
+/// More files, each counted as often as it is included, than any scene has.
+const MOST_INCLUDES: u32 = 20_000;
+
 /// Reads directives.
 #[derive(Debug)]
 pub(crate) struct Parser<'a> {
@@ -115,6 +118,7 @@ pub(crate) struct Parser<'a> {
     /// The files that are being read, the innermost last.
     open: Vec<Lexer>,
     peeked: Option<Token>,
+    includes: u32,
 }
 
 impl<'a> Parser<'a> {
@@ -139,6 +143,7 @@ impl<'a> Parser<'a> {
             search,
             open: vec![lexer],
             peeked: None,
+            includes: 0,
         })
     }
 
@@ -576,6 +581,13 @@ impl<'a> Parser<'a> {
             return Err(self.error(
                 span,
                 format!("\"{name}\" includes itself, directly or through other files"),
+            ));
+        }
+        self.includes += 1;
+        if self.includes > MOST_INCLUDES {
+            return Err(self.error(
+                span,
+                format!("the scene includes files more than {MOST_INCLUDES} times"),
             ));
         }
         if self.open.len() >= DEEPEST_INCLUDE {
