@@ -1,6 +1,7 @@
 //! What a scene is: geometry, materials, lights, camera, and what the file says of how to render.
 
 pub mod camera;
+pub mod library;
 pub mod light;
 pub mod material;
 pub mod settings;
@@ -8,15 +9,17 @@ pub mod texture;
 
 mod geometry;
 mod image_file;
+mod mesh_file;
 mod pbrt;
 mod ply;
 mod polygon;
 mod subdivide;
 mod tessellate;
+mod view;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use splitplane::Mesh;
 
@@ -35,7 +38,8 @@ pub struct Scene {
     /// All triangles.
     pub mesh: Mesh,
     /// Shading normals, one per vertex of the mesh; only those of a shape with
-    /// [`Shape::has_normals`] mean anything. Empty where no shape has any.
+    /// [`Shape::has_normals`] mean anything. Not of unit length: to be interpolated as they are,
+    /// then normalised, as pbrt-v3 does. Empty where no shape has any.
     pub normals: Vec<[f32; 3]>,
     /// Texture coordinates, one per vertex of the mesh; only those of a shape with
     /// [`Shape::has_uvs`] mean anything. Empty where no shape has any.
@@ -78,7 +82,8 @@ pub struct Shape {
     /// The vertices have texture coordinates.
     pub has_uvs: bool,
     /// Geometric normals point the other way (ReverseOrientation, or a transform that changes
-    /// handedness; not both).
+    /// handedness; not both). Where there are shading normals, those decide instead, as in pbrt-v3:
+    /// geometric normals point to their side (ReverseOrientation is applied to them already).
     pub flip_normals: bool,
 }
 
@@ -102,15 +107,26 @@ pub struct LoadOptions {
     pub search: Vec<PathBuf>,
 }
 
-/// Reads a scene.
+/// Reads a scene: a file of pbrt-v3 (`.pbrt`), a mesh (`.ply`, `.ply.gz`, `.obj`, `.stl`), or a
+/// scene by its name; see [`library`].
 ///
 /// # Errors
 /// There is no such scene, or its files are wrong; the error tells where, and what would be
 /// accepted.
 pub fn load(name_or_path: &str, options: &LoadOptions) -> Result<Scene, SceneError> {
-    let path = Path::new(name_or_path);
-    let name = path
-        .file_stem()
-        .map_or(name_or_path.into(), |stem| stem.to_string_lossy());
-    pbrt::load(path, &name, options)
+    let search = library::search_path(&options.search);
+    match library::resolve(name_or_path, &search)? {
+        library::Resolved::BuiltIn { name, size } => library::build(name, size),
+        library::Resolved::File { path, name } if mesh_file::is_mesh(&path) => {
+            mesh_file::load(&path, &name)
+        }
+        library::Resolved::File { path, name } => pbrt::load(
+            &path,
+            &name,
+            &LoadOptions {
+                search,
+                ..options.clone()
+            },
+        ),
+    }
 }

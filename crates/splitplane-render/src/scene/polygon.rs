@@ -78,9 +78,9 @@ fn flattened(positions: &[[f32; 3]], polygon: &[u32]) -> Vec<[f64; 2]> {
     let mut normal = [0.0; 3];
     for i in 0..polygon.len() {
         let (p, q) = (point(i), point(i + 1));
-        for axis in 0..3 {
+        for (axis, sum) in normal.iter_mut().enumerate() {
             let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
-            normal[axis] += (p[u] - q[u]) * (p[v] + q[v]);
+            *sum += (p[u] - q[u]) * (p[v] + q[v]);
         }
     }
     // (axis + 1, axis + 2) keeps the order of hands: positive area for a positive normal. The sign

@@ -228,9 +228,9 @@ impl Surface {
         for (index, face) in self.faces.iter().enumerate() {
             let middle = 4 * index as u32 + 3;
             let mut odd = [0; 3];
-            for edge in 0..3 {
+            for (edge, odd) in odd.iter_mut().enumerate() {
                 let (a, b) = (face.v[edge], face.v[(edge + 1) % 3]);
-                odd[edge] = *on_edges.entry((a.min(b), a.max(b))).or_insert_with(|| {
+                *odd = *on_edges.entry((a.min(b), a.max(b))).or_insert_with(|| {
                     let p = |v: u32| self.vertices[v as usize].p;
                     let across = face.across[edge];
                     let boundary = across == NONE;

@@ -1,12 +1,12 @@
 //! From directives to a scene.
 
+mod finish;
+
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
-use std::sync::Arc;
 
 use glam::{DMat4, DVec3};
-use rayon::prelude::*;
 
 use super::directive::{Directive, Parser, Word};
 use super::lexer::shortened;
@@ -18,11 +18,11 @@ use super::source::Span;
 use super::textures::{Maker, NamedTextures, constant};
 use super::{lights, textures};
 use crate::error::SceneError;
-use crate::scene::geometry::{Geometry, Notes, Placed, assemble};
+use crate::scene::geometry::Notes;
 use crate::scene::image_file::Images;
 use crate::scene::light::{AreaLight, Light};
 use crate::scene::material::Material;
-use crate::scene::{LoadOptions, Scene, ply};
+use crate::scene::{LoadOptions, Scene};
 use crate::transform::Transform;
 
 /// What directives change and blocks bring back.
@@ -595,100 +595,5 @@ impl World<'_> {
         let (count, _) = self.instances.get_or_insert((0, d.span));
         *count += 1;
         Ok(())
-    }
-
-    fn finish(mut self, name: &str) -> Result<Scene, SceneError> {
-        let Some(world) = self.world else {
-            return Err(self.error(
-                Span { file: 0, offset: 0 },
-                "there is no WorldBegin; a scene has WorldBegin, shapes and lights, WorldEnd",
-            ));
-        };
-        if let Some(block) = self.blocks.last() {
-            return Err(self.not_closed(block));
-        }
-        if !self.ended {
-            return Err(self.error(world, "this WorldBegin has no WorldEnd"));
-        }
-        let placed = self.placed()?;
-        if let Some((count, span)) = self.instances {
-            let triangles: usize = self
-                .pieces
-                .iter()
-                .zip(&placed)
-                .filter(|(piece, _)| piece.is_instance)
-                .map(|(_, placed)| placed.geometry.triangles.len())
-                .sum();
-            self.notes.tell(
-                self.parser.sources.place(span),
-                format!(
-                    "{count} object instances copied into the mesh: {triangles} triangles \
-                     (the first is here)"
-                ),
-            );
-        }
-        let assembled = assemble(&placed).map_err(|message| self.error(world, message))?;
-        Ok(Scene {
-            name: name.to_owned(),
-            mesh: assembled.mesh,
-            normals: assembled.normals,
-            uvs: assembled.uvs,
-            shapes: assembled.shapes,
-            materials: self.materials,
-            lights: self.lights,
-            camera: self.settings.camera,
-            film: self.settings.film,
-            filter: self.settings.filter,
-            sampler: self.settings.sampler,
-            integrator: self.settings.integrator,
-            accelerator: self.settings.accelerator,
-            notes: self.notes.into_list(),
-        })
-    }
-
-    /// The pieces with their triangles, in order; every PLY file is read once, many at a time.
-    fn placed(&mut self) -> Result<Vec<Placed>, SceneError> {
-        let mut files: Vec<(&PathBuf, Span)> = Vec::new();
-        let mut numbers: HashMap<&PathBuf, usize> = HashMap::new();
-        for piece in &self.pieces {
-            if let Source::Ply { path } = &piece.source {
-                numbers.entry(path).or_insert_with(|| {
-                    files.push((path, piece.span));
-                    files.len() - 1
-                });
-            }
-        }
-        let read: Vec<Result<ply::PlyMesh, SceneError>> =
-            files.par_iter().map(|(path, _)| ply::read(path)).collect();
-        let mut geometries: Vec<Arc<Geometry>> = Vec::with_capacity(files.len());
-        // In the order of the file: which error is told does not depend on the threads.
-        for (mesh, (path, span)) in read.into_iter().zip(&files) {
-            let place = || self.parser.sources.place(*span);
-            let mesh = mesh.map_err(|error| SceneError {
-                message: format!("{} (a mesh of {})", error.message, place()),
-                ..error
-            })?;
-            if mesh.concave > 0 {
-                self.notes.tell(
-                    path.display().to_string(),
-                    format!(
-                        "{} faces are not convex; triangulated by their ears",
-                        mesh.concave
-                    ),
-                );
-            }
-            geometries.push(Arc::new(mesh.geometry));
-        }
-        let placed = self.pieces.iter().map(|piece| Placed {
-            geometry: match &piece.source {
-                Source::Ready(geometry) => Arc::clone(geometry),
-                Source::Ply { path } => Arc::clone(&geometries[numbers[path]]),
-            },
-            to_world: piece.to_world,
-            reversed: piece.reversed,
-            material: piece.material,
-            area_light: piece.area_light.clone(),
-        });
-        Ok(placed.collect())
     }
 }
