@@ -33,7 +33,7 @@ mod tree;
 pub use build::{BuildError, BuildParams, BuildStats, DepthLimit, ObliquePricing, Ties, Wins};
 pub use catalog::{Directions, ParseTreeError, TREES, TreeChoice, TreeSpec};
 pub use geometry::{Aabb, Mesh, MeshError, Ray, Skipped};
-pub use query::{Counters, Counts, Hit};
+pub use query::{Counters, Counts, Hit, Traversal};
 pub use tree::{NodeCounts, Tree, TreeCard, ValidateError};
 
 #[cfg(test)]

@@ -16,6 +16,7 @@ struct Data {
     /// The triangles that can be hit, in order.
     usable: Vec<u32>,
     bounds: Aabb,
+    largest_triangle: f32,
     skipped: Skipped,
 }
 
@@ -88,7 +89,7 @@ impl Mesh {
         }
         let mut skipped = Skipped::default();
         let mut usable = Vec::with_capacity(triangles.len());
-        let mut bounds = Aabb::EMPTY;
+        let (mut bounds, mut largest_triangle) = (Aabb::EMPTY, 0.0f32);
         for (triangle, indices) in triangles.iter().enumerate() {
             let mut corners = [[0.0; 3]; 3];
             for (corner, &index) in corners.iter_mut().zip(indices) {
@@ -107,7 +108,9 @@ impl Mesh {
                 skipped.degenerate += 1;
             } else {
                 usable.push(triangle as u32);
-                bounds = corners.into_iter().fold(bounds, Aabb::with_point);
+                let own = Aabb::of_points(corners);
+                bounds = bounds.union(&own);
+                largest_triangle = own.extent().into_iter().fold(largest_triangle, f32::max);
             }
         }
         Ok(Mesh(Arc::new(Data {
@@ -115,6 +118,7 @@ impl Mesh {
             triangles,
             usable,
             bounds,
+            largest_triangle,
             skipped,
         })))
     }
@@ -132,6 +136,11 @@ impl Mesh {
     /// The box around all triangles that can be hit.
     pub fn bounds(&self) -> Aabb {
         self.0.bounds
+    }
+
+    /// The longest edge of a box around a single triangle that can be hit.
+    pub(crate) fn largest_triangle(&self) -> f32 {
+        self.0.largest_triangle
     }
 
     /// How many triangles can never be hit, and why.

@@ -7,6 +7,7 @@ use std::ops::ControlFlow;
 use crate::geometry::triangle::Shear;
 use crate::geometry::{Mesh, Ray};
 use crate::tree::{Tree, with_nodes};
+pub(crate) use traverse::Place;
 use traverse::{Search, traverse};
 
 /// Where a ray meets the mesh.
@@ -20,6 +21,18 @@ pub struct Hit {
     pub v: f32,
     /// Index of the triangle in the mesh.
     pub triangle: u32,
+}
+
+/// How a query decides which cells a ray passes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Traversal {
+    /// With margins for all rounding, so that the hits are those of brute force, bit for bit. Where
+    /// a hit lies in a split plane, both sides of the plane are looked at.
+    #[default]
+    Exact,
+    /// Without margins, as in the thesis: its counts are those of the thesis, but a hit in or near
+    /// a split plane may be missed. For comparison with published figures only.
+    AsPublished,
 }
 
 /// What a query reports while it runs. Counting never changes a result; `()` counts nothing and
@@ -178,9 +191,8 @@ pub(crate) fn any_hit(tree: &Tree, ray: &Ray, counters: &mut impl Counters) -> b
 }
 
 fn run(tree: &Tree, ray: &Ray, search: &mut impl Search, counters: &mut impl Counters) {
-    let bounds = tree.bounds();
-    if ray.is_valid() && !bounds.is_empty() {
-        let place = (&bounds, tree.tolerance());
+    let place = tree.place();
+    if ray.is_valid() && !place.bounds.is_empty() {
         with_nodes!(tree, nodes => traverse(nodes, tree.shared(), tree.references(), place, ray, search, counters));
     }
 }

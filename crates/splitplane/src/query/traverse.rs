@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::Counters;
+use super::{Counters, Traversal};
 use crate::build::BuildParams;
 use crate::geometry::{Aabb, Ray};
 use crate::tree::nodes::{Layout, Shared, View};
@@ -15,6 +15,18 @@ pub(super) trait Search {
     fn test(&mut self, triangle: u32) -> ControlFlow<()>;
 }
 
+/// What of a tree decides where a ray may meet a triangle.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Place {
+    /// The box around all triangles.
+    pub(crate) bounds: Aabb,
+    /// The longest edge of a box around a single triangle.
+    pub(crate) largest: f32,
+    /// How far a triangle may reach beyond a plane on a side where it is not referenced.
+    pub(crate) overhang: f64,
+    pub(crate) traversal: Traversal,
+}
+
 /// A ray as the traversal sees it, in f64: so the only errors that count are those of the
 /// triangle test and of the build, and both are lengths.
 struct Line {
@@ -22,51 +34,98 @@ struct Line {
     direction: [f64; 3],
     /// Per axis, one over the direction, finite.
     inverse: [f64; 3],
-    /// Planes within this distance of a point may have it on either side.
-    margin: f64,
-    /// Per axis, the margin in multiples of the direction.
-    axis_margin: [f64; 3],
+    /// A triangle that is hit at t lies within `base + slope · |t|` of the ray's point there.
+    base: f64,
+    slope: f64,
+    /// The largest such distance on this ray.
+    largest: f64,
+    /// Per axis, the same in multiples of the direction; see [`Line::margin`].
+    axis_margin: [(f64, f64); 3],
 }
 
-/// How far a triangle that is hit may lie off the ray, in units of ε/2 times the largest
-/// coordinate of what takes part.
+/// How far a triangle that is hit may lie off the ray's point, in units of ε/2 times the distance
+/// of its furthest vertex from the ray's origin, along any axis.
 ///
-/// The test sees the triangle's vertices with errors: of one rounding when the origin is
-/// subtracted, three in the shear, one in the result, so 5 a coordinate, and up to √3 · 5 along a
-/// plane's normal; of t, the result is rounded once, which moves the point by as much as √3.
-/// Together below 11; the rest is reserve.
+/// The test sees the vertices with errors: of one rounding when the origin is subtracted, three in
+/// the shear, one in the result, so 5 a coordinate, and up to √3 · 5 along a plane's normal; t is
+/// rounded once at the end, which moves the point by as much as √3. Together below 11. The rest is
+/// reserve; a twelfth of it is spent in [`Line::margin`].
 const TEST_ERROR: f64 = 16.0;
 
+/// Where a plane is met so obliquely that the distance off the ray grows this fast, the largest
+/// distance on the ray is taken.
+const GRAZING: f64 = 1.0 / 32.0;
+
 impl Line {
-    fn new(ray: &Ray, bounds: &Aabb, tolerance: f64) -> Self {
-        let reach = ray
-            .origin
-            .iter()
-            .fold(bounds.reach(), |r, c| r.max(c.abs()));
-        let margin =
-            TEST_ERROR * 0.5 * f64::from(f32::EPSILON) * 2.0 * f64::from(reach) + tolerance;
+    fn new(ray: &Ray, place: &Place) -> Self {
+        let max = |v: &[f32; 3]| f64::from(v.iter().fold(0.0, |m: f32, c| m.max(c.abs())));
+        let longest = max(&ray.direction);
+        let unit = 0.5 * f64::from(f32::EPSILON) * TEST_ERROR;
+        let scale = match place.traversal {
+            Traversal::Exact => 1.0,
+            Traversal::AsPublished => 0.0,
+        };
+        let base = scale * (unit * f64::from(place.largest) + 1.1 * place.overhang);
+        let slope = scale * unit * longest;
+        // No vertex is further from the origin than this.
+        let reach = max(&ray.origin) + f64::from(place.bounds.reach());
+        let largest = scale * (unit * reach + 1.1 * place.overhang);
         let direction = ray.direction.map(f64::from);
-        let longest = direction.iter().fold(0.0, |l: f64, c| l.max(c.abs()));
         // A component this small moves the ray by less than any rounding, and its inverse is
         // finite, so that a ray along a plane needs no case of its own.
         let inverse = direction.map(|c| 1.0 / c.abs().max(longest * 1e-30).copysign(c));
+        let axis_margin = inverse.map(|inverse| match slope * inverse.abs() > GRAZING {
+            true => (largest * inverse.abs(), 0.0),
+            false => (base * inverse.abs(), slope * inverse.abs()),
+        });
+        let origin = ray.origin.map(f64::from);
         Line {
-            origin: ray.origin.map(f64::from),
+            origin,
             direction,
             inverse,
-            margin,
-            axis_margin: inverse.map(|i| margin * i.abs()),
+            base,
+            slope,
+            largest,
+            axis_margin,
         }
+    }
+
+    /// How far from `t` the ray may meet triangles that touch a plane which it meets there, as a
+    /// difference in t; `inverse` is one over how fast the ray nears the plane.
+    ///
+    /// Such a triangle, hit at t', lies within `base + slope · |t'|` of the plane, so with
+    /// k = slope · |inverse| < 1/32 and b = base · |inverse|,
+    /// |t' - t| ≤ (b + k · |t|) / (1 - k) < 1.04 · (b + k · |t|).
+    #[inline(always)]
+    fn margin(&self, t: f64, inverse: f64) -> f64 {
+        let inverse = inverse.abs();
+        if self.slope * inverse > GRAZING {
+            self.largest * inverse
+        } else {
+            (self.base + self.slope * t.abs()) * inverse
+        }
+    }
+
+    #[inline(always)]
+    fn meet_axis(&self, axis: usize, offset: f32) -> (f64, f64) {
+        let t = (f64::from(offset) - self.origin[axis]) * self.inverse[axis];
+        let (base, slope) = self.axis_margin[axis];
+        (t, base + slope * t.abs())
     }
 
     /// The part of an interval of the ray that is in the box.
     #[inline(always)]
     fn clip(&self, (mut near, mut far): (f64, f64), bounds: &Aabb) -> Option<(f64, f64)> {
         for axis in 0..3 {
-            let at = |offset: f32| (f64::from(offset) - self.origin[axis]) * self.inverse[axis];
-            let (a, b) = (at(bounds.min[axis]), at(bounds.max[axis]));
-            near = near.max(a.min(b) - self.axis_margin[axis]);
-            far = far.min(a.max(b) + self.axis_margin[axis]);
+            let (low, high) = (bounds.min[axis], bounds.max[axis]);
+            let (entry, exit) = match self.inverse[axis] > 0.0 {
+                true => (low, high),
+                false => (high, low),
+            };
+            let (t, margin) = self.meet_axis(axis, entry);
+            near = near.max(t - margin);
+            let (t, margin) = self.meet_axis(axis, exit);
+            far = far.min(t + margin);
         }
         (near <= far).then_some((near, far))
     }
@@ -98,14 +157,14 @@ pub(super) fn traverse<N: Layout>(
     nodes: &[N],
     shared: &Shared,
     references: &[u32],
-    (bounds, tolerance): (&Aabb, f64),
+    place: &Place,
     ray: &Ray,
     search: &mut impl Search,
     counters: &mut impl Counters,
 ) {
-    let line = Line::new(ray, bounds, tolerance);
-    let Some((mut near, mut far)) = line.clip((f64::from(ray.t_min), f64::from(ray.t_max)), bounds)
-    else {
+    let line = Line::new(ray, place);
+    let interval = (f64::from(ray.t_min), f64::from(ray.t_max));
+    let Some((mut near, mut far)) = line.clip(interval, &place.bounds) else {
         return;
     };
     let mut stack: Stack = [(0, 0.0, 0.0); BuildParams::MAX_DEPTH as usize];
@@ -119,9 +178,8 @@ pub(super) fn traverse<N: Layout>(
                 above,
             } => {
                 counters.kd_visit();
-                let inverse = line.inverse[axis];
-                let t = (f64::from(offset) - line.origin[axis]) * inverse;
-                (t, line.axis_margin[axis], inverse > 0.0, above)
+                let (t, margin) = line.meet_axis(axis, offset);
+                (t, margin, line.inverse[axis] > 0.0, above)
             }
             View::Oblique {
                 normal,
@@ -134,7 +192,7 @@ pub(super) fn traverse<N: Layout>(
                 let (o, d) = (&line.origin, &line.direction);
                 let inverse = 1.0 / (n[0] * d[0] + n[1] * d[1] + n[2] * d[2]);
                 let t = (f64::from(offset) - (n[0] * o[0] + n[1] * o[1] + n[2] * o[2])) * inverse;
-                (t, line.margin * inverse.abs(), inverse > 0.0, above)
+                (t, line.margin(t, inverse), inverse > 0.0, above)
             }
             View::Objects { above } => {
                 counters.kd_visit();

@@ -10,7 +10,7 @@ pub use validate::ValidateError;
 use crate::build::{BuildError, BuildParams, BuildStats, Built, grow};
 use crate::catalog::{Directions, TreeChoice};
 use crate::geometry::{Aabb, Mesh, Ray};
-use crate::query::{self, Counters, Hit};
+use crate::query::{self, Counters, Hit, Place, Traversal};
 use card::Expected;
 use nodes::{BoxNode, IndexedNode, KdNode, ObliqueNode, Shared};
 
@@ -27,9 +27,7 @@ pub struct Tree {
     shared: Shared,
     expected: Expected,
     stats: BuildStats,
-    /// How far a triangle may reach beyond a plane, in scene units, on a side where it is not
-    /// referenced.
-    tolerance: f64,
+    place: Place,
 }
 
 /// The nodes, in the layout that the tree's planes need.
@@ -114,7 +112,12 @@ impl Tree {
             references,
             expected: Expected::of(built, bounds.surface_area()),
             stats: built.stats,
-            tolerance: params.ties.overhang(&bounds),
+            place: Place {
+                bounds,
+                largest: mesh.largest_triangle(),
+                overhang: params.ties.overhang(&bounds),
+                traversal: Traversal::default(),
+            },
         })
     }
 
@@ -131,6 +134,13 @@ impl Tree {
     /// The parameters that the tree was built with.
     pub fn params(&self) -> &BuildParams {
         &self.params
+    }
+
+    /// The same tree, with queries that decide in this way which cells a ray passes.
+    #[must_use]
+    pub fn with_traversal(mut self, traversal: Traversal) -> Self {
+        self.place.traversal = traversal;
+        self
     }
 
     /// The box that all triangles lie in.
@@ -164,8 +174,8 @@ impl Tree {
         &self.references
     }
 
-    pub(crate) fn tolerance(&self) -> f64 {
-        self.tolerance
+    pub(crate) fn place(&self) -> &Place {
+        &self.place
     }
 }
 

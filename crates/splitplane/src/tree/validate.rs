@@ -167,8 +167,9 @@ impl Tree {
                 }
                 let view = nodes[at].view(&self.shared);
                 if let Some((normal, offset, above)) = split_plane(&view) {
-                    let part =
-                        |sign: f64| clip(&polygon, sign * normal, sign * offset - self.tolerance);
+                    let part = |sign: f64| {
+                        clip(&polygon, sign * normal, sign * offset - self.place.overhang)
+                    };
                     pending.extend([(above, part(-1.0)), (at + 1, part(1.0))]);
                 } else if let View::Leaf(leaf) = view
                     && !leaf.triangles(&self.references).contains(&triangle)
