@@ -15,7 +15,7 @@ use crate::scene::settings::LightStrategy;
 const MAX_VOXELS: f32 = 64.0;
 
 /// With more lights, their contributions to every voxel take too long to estimate.
-pub(super) const MAX_SPATIAL_LIGHTS: u32 = 64;
+const MAX_SPATIAL_LIGHTS: u32 = 64;
 
 /// Samples of every light for the estimate in a voxel.
 const VOXEL_SAMPLES: u64 = 128;

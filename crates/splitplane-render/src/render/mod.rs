@@ -1,6 +1,6 @@
 //! From a scene and a tree to a picture, and to what every ray cost.
 //!
-//! [`render`] follows pbrt-v3 [PBRT3] in everything that decides which rays are cast: samples,
+//! [`render()`] follows pbrt-v3 \[PBRT3\] in everything that decides which rays are cast: samples,
 //! camera, filters, scattering functions, lights, integrators. So the number of rays of each kind
 //! can be compared with pbrt-v3's, and not only the picture.
 

@@ -102,6 +102,7 @@ pub enum LightStrategy {
     Uniform,
     /// In proportion to the lights' power.
     Power,
-    /// pbrt-v3's default, by place; rendered as `Power` where there is more than one light.
+    /// pbrt-v3's default, by place: in proportion to what the lights would contribute if nothing
+    /// were in their way. Rendered as `Power` where there are more than 64 lights.
     Spatial,
 }

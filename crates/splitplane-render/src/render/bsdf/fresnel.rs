@@ -9,6 +9,8 @@ pub(super) enum Fresnel {
     Full,
     /// As between dielectrics; `outside` is the index on the normal's side.
     Dielectric { outside: f32, inside: f32 },
+    /// As [`Fresnel::Dielectric`], but always seen from its outside.
+    Coat { outside: f32, inside: f32 },
 }
 
 impl Fresnel {
@@ -16,6 +18,7 @@ impl Fresnel {
         match self {
             Fresnel::Full => 1.0,
             Fresnel::Dielectric { outside, inside } => dielectric(cos_i, outside, inside),
+            Fresnel::Coat { outside, inside } => dielectric(cos_i.abs(), outside, inside),
         }
     }
 }

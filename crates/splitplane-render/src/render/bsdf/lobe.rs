@@ -144,12 +144,9 @@ impl Lobe {
                 } else {
                     above / below
                 };
-                let wh = (wo + wi * eta).normalize_or_zero();
-                let wh = if wh.z < 0.0 { -wh } else { wh };
-                let (dot_o, dot_i) = (wo.dot(wh), wi.dot(wh));
-                if dot_o * dot_i > 0.0 {
+                let Some((wh, dot_o, dot_i)) = refracting_facet(wo, wi, eta) else {
                     return Vec3::ZERO;
-                }
+                };
                 let root = dot_o + eta * dot_i;
                 // Radiance is divided by eta² as it spreads into another solid angle, which
                 // cancels the eta² of the change of variables.
@@ -195,11 +192,9 @@ impl Lobe {
                 } else {
                     above / below
                 };
-                let wh = (wo + wi * eta).normalize_or_zero();
-                let (dot_o, dot_i) = (wo.dot(wh), wi.dot(wh));
-                if dot_o * dot_i > 0.0 {
+                let Some((wh, dot_o, dot_i)) = refracting_facet(wo, wi, eta) else {
                     return 0.0;
-                }
+                };
                 let root = dot_o + eta * dot_i;
                 facets.pdf(wo, wh) * (eta * eta * dot_i / (root * root)).abs()
             }
@@ -246,7 +241,8 @@ impl Lobe {
                 } else {
                     below / above
                 };
-                Some(drawn(refract(wo, wh, eta)?))
+                let wi = refract(wo, wh, eta)?;
+                (!same_side(wo, wi)).then(|| drawn(wi))
             }
             Lobe::SpecularReflection { r, fresnel } => {
                 let wi = Vec3::new(-wo.x, -wo.y, wo.z);
@@ -296,6 +292,18 @@ impl Lobe {
 
 pub(super) fn same_side(a: Vec3, b: Vec3) -> bool {
     a.z * b.z > 0.0
+}
+
+/// The upward normal of the facets that refract `wi` to `wo`, and its cosines with both; `eta` is
+/// the index on the side of `wi` over that on the side of `wo`.
+///
+/// **Differs from pbrt-v3:** facets that turn their back to one of the directions do not count, as
+/// they are never sampled either [Walter2007, eq. 16 to 20].
+fn refracting_facet(wo: Vec3, wi: Vec3, eta: f32) -> Option<(Vec3, f32, f32)> {
+    let wh = (wo + wi * eta).try_normalize()?;
+    let wh = if wh.z < 0.0 { -wh } else { wh };
+    let (dot_o, dot_i) = (wo.dot(wh), wi.dot(wh));
+    (dot_o * wo.z > 0.0 && dot_i * wi.z > 0.0).then_some((wh, dot_o, dot_i))
 }
 
 /// The refracted direction, and by how much radiance changes as its solid angle does.

@@ -54,8 +54,10 @@ pub(in crate::render) fn bsdf_of(
             add(r, Lobe::Lambert { r });
             let r = colour(ks);
             let facets = facets(Vec2::splat(number(roughness)), *remap_roughness);
-            // pbrt-v3 has the coat's index above the surface and air below.
-            let fresnel = Fresnel::Dielectric {
+            // pbrt-v3 has the coat's index above the surface and air below, which it keeps for
+            // the sake of old pictures. Until late 2019, and so in the thesis, this was so seen
+            // from either side.
+            let fresnel = Fresnel::Coat {
                 outside: 1.5,
                 inside: 1.0,
             };

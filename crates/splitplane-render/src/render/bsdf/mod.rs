@@ -132,8 +132,7 @@ impl Bsdf {
         }
         let rest = (u.x * count as f32 - chosen as f32).min(ONE_MINUS_EPSILON);
         let mut drawn = lobe.sample(wo, Vec2::new(rest, u.y))?;
-        // A NaN density must not pass.
-        if !(drawn.pdf > 0.0) {
+        if drawn.pdf <= 0.0 || drawn.pdf.is_nan() {
             return None;
         }
         let wi = self.to_world(drawn.wi);
