@@ -177,14 +177,17 @@ Names are taken in upper or lower case; the thesis's and its pbrt fork's names a
 tree with :k takes a number of directions, as in wn+kd:6.")]
 pub struct TreesCommand {}
 
-/// List the scenes that are known by name.
+/// List the scenes that are known by name, with their triangles and where they were found.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   splitplane scenes
-  splitplane scenes --scenes ~/scenes")]
+  splitplane scenes --scenes ~/scenes --uncounted")]
 pub struct ScenesCommand {
     #[command(flatten)]
     pub search: SearchArgs,
+    /// Do not read the scenes that were found to count their triangles
+    #[arg(long)]
+    pub uncounted: bool,
 }
 
 /// Which scene, and where to find it.

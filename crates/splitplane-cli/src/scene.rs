@@ -1,12 +1,12 @@
 //! Scenes, as the command line names them.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use miette::{LabeledSpan, NamedSource, Report};
 use splitplane_render::SceneError;
 use splitplane_render::scene::{LoadOptions, Scene, load as load_scene};
 
-use crate::args::{SceneArgs, SearchArgs};
+use crate::args::SceneArgs;
 use crate::failure::Failure;
 use crate::print;
 
@@ -14,7 +14,7 @@ use crate::print;
 pub fn load(args: &SceneArgs, quiet: bool) -> Result<Scene, Failure> {
     let options = LoadOptions {
         defines: args.definitions.iter().cloned().collect(),
-        search: folders(&args.search),
+        search: args.search.scenes.clone(),
     };
     let scene =
         load_scene(&args.scene, &options).map_err(|error| Failure::Input(report(&error)))?;
@@ -29,15 +29,6 @@ pub fn load(args: &SceneArgs, quiet: bool) -> Result<Scene, Failure> {
         }
     }
     Ok(scene)
-}
-
-/// The folders in which scenes are looked for, in this order.
-pub fn folders(args: &SearchArgs) -> Vec<PathBuf> {
-    let mut folders = args.scenes.clone();
-    if let Some(variable) = std::env::var_os("SPLITPLANE_SCENES") {
-        folders.extend(std::env::split_paths(&variable).filter(|path| path != Path::new("")));
-    }
-    folders
 }
 
 /// The error, with the lines of the file that it speaks of where they can be shown.

@@ -19,7 +19,7 @@ use splitplane_render::transform::Transform;
 
 /// A field of hills in front of the camera, and a light beside it.
 fn hills() -> Scene {
-    let side = 24_u32;
+    let side = 10_u32;
     let at = |i: u32| 4.0 * i as f32 / side as f32 - 2.0;
     let mut positions = Vec::new();
     let mut triangles = Vec::new();

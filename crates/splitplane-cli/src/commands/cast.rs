@@ -4,10 +4,11 @@ use std::fs::File;
 use std::io::{self, BufReader, Read};
 use std::path::Path;
 
-use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder, npz::NpzWriter};
+use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
 use rayon::prelude::*;
 use splitplane::{Hit, Ray, TREES, Tree, TreeChoice};
 use splitplane_lab::{LabError, Preset, build, write_whole};
+use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 use crate::args::{CastCommand, Query};
 use crate::failure::{Failure, writable_place};
@@ -39,11 +40,15 @@ pub fn run(command: &CastCommand) -> Result<(), Failure> {
     let elapsed = start.elapsed().as_secs_f64();
     progress::clear();
 
-    write_whole(&command.out, |file| hits.write(&mut NpzWriter::new(file))).map_err(|source| {
-        LabError::Write {
-            path: command.out.clone(),
-            source,
-        }
+    let write = |file: &mut io::BufWriter<File>| {
+        let mut npz = ZipWriter::new(file);
+        hits.write(&mut npz)?;
+        npz.finish()?;
+        Ok(())
+    };
+    write_whole(&command.out, write).map_err(|source| LabError::Write {
+        path: command.out.clone(),
+        source,
     })?;
     print::line(&format!(
         "{} of {} hit {} ({}; {tree} built in {}, cast in {})",
@@ -192,7 +197,7 @@ impl Hits {
         }
     }
 
-    fn write<W: io::Write + io::Seek>(&self, npz: &mut NpzWriter<W>) -> io::Result<()> {
+    fn write<W: io::Write + io::Seek>(&self, npz: &mut ZipWriter<W>) -> io::Result<()> {
         match self {
             Hits::Closest(hits) => {
                 let or_miss = |value: fn(&Hit) -> f32, miss: f32| {
@@ -212,15 +217,20 @@ impl Hits {
 }
 
 fn array<T: npyz::AutoSerialize, W: io::Write + io::Seek>(
-    npz: &mut NpzWriter<W>,
+    npz: &mut ZipWriter<W>,
     name: &str,
     count: usize,
     values: impl Iterator<Item = T>,
 ) -> io::Result<()> {
-    let mut writer = npz
-        .array(name, Default::default())?
+    // Not compressed, and without the time: the same hits are the same bytes.
+    let options = SimpleFileOptions::DEFAULT
+        .compression_method(CompressionMethod::Stored)
+        .large_file((count * size_of::<T>()) as u64 >= 1 << 31);
+    npz.start_file(npyz::npz::file_name_from_array_name(name), options)?;
+    let mut writer = npyz::WriteOptions::new()
         .default_dtype()
         .shape(&[count as u64])
+        .writer(npz)
         .begin_nd()?;
     writer.extend(values)?;
     writer.finish()

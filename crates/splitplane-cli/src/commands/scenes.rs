@@ -1,8 +1,62 @@
 //! `splitplane scenes`.
 
+use comfy_table::CellAlignment;
+use splitplane_render::scene::library::{SceneEntry, list, search_path};
+use splitplane_render::scene::{LoadOptions, load};
+
 use crate::args::ScenesCommand;
 use crate::failure::Failure;
+use crate::numbers::grouped;
+use crate::print;
+use crate::progress::{self, Bar};
 
-pub fn run(_command: &ScenesCommand) -> Result<(), Failure> {
+pub fn run(command: &ScenesCommand) -> Result<(), Failure> {
+    let options = LoadOptions {
+        search: command.search.scenes.clone(),
+        ..LoadOptions::default()
+    };
+    let entries = list(&search_path(&options.search));
+    let bar = Bar::new(false, entries.len(), 1);
+    let rows = entries.iter().map(|entry| {
+        let triangles = match entry.triangles {
+            Some(triangles) => grouped(triangles as u64),
+            None if command.uncounted => "?".to_owned(),
+            None => {
+                bar.spin(format!("{}: counting its triangles", entry.name));
+                counted(entry, &options)
+            }
+        };
+        let place = match &entry.file {
+            Some(file) => file.display().to_string(),
+            None => "built in".to_owned(),
+        };
+        vec![
+            entry.name.clone(),
+            triangles,
+            place,
+            entry.description.clone(),
+        ]
+    });
+    let rows: Vec<Vec<String>> = rows.collect();
+    progress::clear();
+    let header = ["scene", "triangles", "where", "what it is"].map(str::to_owned);
+    let mut table = print::table(header.to_vec(), rows);
+    for column in [0, 2, 3] {
+        if let Some(column) = table.column_mut(column) {
+            column.set_cell_alignment(CellAlignment::Left);
+        }
+    }
+    print::line(&table.trim_fmt())?;
     Ok(())
+}
+
+/// The scene's triangles; a scene that cannot be read does not keep the others from being listed.
+fn counted(entry: &SceneEntry, options: &LoadOptions) -> String {
+    let Some(file) = &entry.file else {
+        return "?".to_owned();
+    };
+    match load(&file.to_string_lossy(), options) {
+        Ok(scene) => grouped(scene.mesh.triangles().len() as u64),
+        Err(_) => "unreadable".to_owned(),
+    }
 }
