@@ -1,6 +1,6 @@
 //! The top-down loop.
 
-use super::cell::{Cell, Profile};
+use super::cell::Cell;
 use super::cost::{Choice, Contest};
 use super::objects;
 use super::params::{BuildParams, BuildStats, Ties};
@@ -10,7 +10,7 @@ use super::triangle_planes::{self, Counter};
 use crate::catalog::{Directions, TreeChoice};
 use crate::directions::{self, NodeView, Random, fixed};
 use crate::geometry::Mesh;
-use crate::geometry::polytope::Polytope;
+use crate::geometry::polytope::{CutScratch, Polytope, Profile};
 
 /// Subtrees with at least this many triangles are built in parallel.
 pub(super) const PARALLEL_FROM: usize = 4096;
@@ -126,6 +126,9 @@ struct Node {
 struct Scratch {
     events: Events,
     directions: Vec<[f32; 3]>,
+    profile: Profile,
+    heights: Vec<f64>,
+    cut: CutScratch,
 }
 
 struct Builder<'a> {
@@ -210,7 +213,7 @@ impl Builder<'_> {
         };
         let plane = choice.plane;
         built.stats.count_win(&plane);
-        let (below, above) = self.children(node, &choice, &mut built.stats);
+        let (below, above) = self.children(node, &choice, &mut built.stats, &mut scratch.cut);
         built.join(
             |above| BuiltNode::Interior { plane, above, area },
             below.triangles.len().min(above.triangles.len()) >= PARALLEL_FROM,
@@ -248,7 +251,13 @@ impl Builder<'_> {
         } else {
             Some(node.cell.to_polytope())
         };
-        let Scratch { events, directions } = scratch;
+        let Scratch {
+            events,
+            directions,
+            profile,
+            heights,
+            ..
+        } = scratch;
         let mut sweep = |normal: [f32; 3], origin: Origin| {
             let mut plane = SplitPlane {
                 normal,
@@ -259,22 +268,18 @@ impl Builder<'_> {
                 origin,
             };
             let axis = plane.axis();
-            let of_box = axis.and_then(|axis| node.cell.box_profile(axis));
-            let Some(mut profile) = of_box.or_else(|| {
-                let direction = glam::Vec3::from(normal).as_dvec3();
-                let polytope = polytope.as_deref()?;
-                Some(Profile::of_polytope(
-                    polytope,
-                    direction,
-                    2 * node.triangles.len(),
-                ))
-            }) else {
-                return;
-            };
+            match (&node.cell, axis, &polytope) {
+                (Cell::Box(aabb), Some(axis), _) => profile.fill_box(aabb, axis),
+                (_, _, Some(polytope)) => {
+                    profile.fill_polytope(polytope, glam::Vec3::from(normal).as_dvec3());
+                }
+                (Cell::Polytope(_), _, None) | (_, None, None) => {
+                    unreachable!("only where all candidates are across axes there is no polytope")
+                }
+            }
             let extents = node.triangles.iter().map(|&i| self.extent(axis, normal, i));
             events.fill(extents, self.tolerance);
-            let (best, inside) =
-                events.sweep(self.tolerance, &mut profile, self.params.empty_bonus);
+            let (best, inside) = events.sweep(self.tolerance, profile, self.params.empty_bonus);
             candidates += inside;
             if let Some(best) = best {
                 plane.boundary = best.boundary;
@@ -300,7 +305,7 @@ impl Builder<'_> {
             sweep(direction, origin);
         }
         if let (true, Some(polytope)) = (spec.triangle_planes, &polytope) {
-            candidates += self.triangle_planes(node, polytope, &mut contest);
+            candidates += self.triangle_planes(node, polytope, &mut contest, heights);
         }
         (contest, candidates)
     }
@@ -311,6 +316,7 @@ impl Builder<'_> {
         node: &Node,
         cell: &Polytope,
         contest: &mut Contest<SplitPlane>,
+        heights: &mut Vec<f64>,
     ) -> u64 {
         let corners: Vec<_> = node
             .triangles
@@ -326,8 +332,15 @@ impl Builder<'_> {
         let mut entered = 0;
         for candidate in corners.iter().flat_map(triangle_planes::candidates) {
             let bonus = self.params.empty_bonus;
-            let priced =
-                triangle_planes::price(&candidate, &counter, cell, area, self.tolerance, bonus);
+            let priced = triangle_planes::price(
+                &candidate,
+                &counter,
+                cell,
+                area,
+                self.tolerance,
+                bonus,
+                heights,
+            );
             if let Some(best) = priced {
                 entered += 1;
                 let origin = if candidate.is_edge {
@@ -363,6 +376,7 @@ impl Builder<'_> {
         node: Node,
         choice: &Choice<SplitPlane>,
         stats: &mut BuildStats,
+        scratch: &mut CutScratch,
     ) -> (Node, Node) {
         let plane = choice.plane;
         let axis = plane.axis();
@@ -378,7 +392,7 @@ impl Builder<'_> {
                 sides[1].push(triangle);
             }
         }
-        let cut = node.cell.cut(&plane);
+        let cut = node.cell.cut(&plane, scratch);
         stats.bad_refines += u64::from(choice.bad_refine);
         stats.uncut_cells += u64::from(cut.is_none());
         let cells = cut.unwrap_or_else(|| (node.cell.clone(), node.cell.clone()));

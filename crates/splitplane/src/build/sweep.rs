@@ -1,7 +1,7 @@
 //! Finding the best plane along one direction: sort the events, sweep, count [WaldHavran2006].
 
-use super::cell::Profile;
 use super::ties::{Boundary, Touching, is_flat};
+use crate::geometry::polytope::Profile;
 
 /// The best plane of a sweep.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,8 +77,6 @@ impl Events {
     ) -> (Option<Best>, u64) {
         let mut search = Search {
             best: None,
-            low: profile.inside().0,
-            high: profile.inside().1,
             profile,
             empty_bonus,
         };
@@ -167,17 +165,15 @@ fn run_length(values: &[f32], t: f32) -> usize {
     values.iter().take_while(|&&value| value == t).count()
 }
 
-struct Search<'a, 'p> {
+struct Search<'a> {
     best: Option<Best>,
-    profile: &'a mut Profile<'p>,
-    low: f64,
-    high: f64,
+    profile: &'a mut Profile,
     empty_bonus: f64,
 }
 
-impl Search<'_, '_> {
+impl Search<'_> {
     fn is_inside(&self, t: f32) -> bool {
-        self.low < f64::from(t) && f64::from(t) < self.high
+        self.profile.has_inside(f64::from(t))
     }
 
     fn consider(&mut self, t: f32, touching: Touching, below: usize, above: usize) {
@@ -198,7 +194,6 @@ impl Search<'_, '_> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::cell::Cell;
     use super::*;
     use crate::geometry::Aabb;
     use proptest::prelude::*;
@@ -223,8 +218,9 @@ mod tests {
         #[test]
         fn the_sweep_finds_the_best_plane_by_the_predicate(extents in extents(), tolerant in any::<bool>()) {
             let tolerance = tolerant.then_some(1e-5f32);
-            let cell = Cell::Box(Aabb { min: [-1.0, 0.0, 0.0], max: [12.0, 2.0, 3.0] });
-            let mut profile = cell.axis_profile(0);
+            let cell = Aabb { min: [-1.0, 0.0, 0.0], max: [12.0, 2.0, 3.0] };
+            let mut profile = Profile::default();
+            profile.fill_box(&cell, 0);
             let mut events = Events::default();
             events.fill(extents.iter().copied(), tolerance);
             let (best, candidates) = events.sweep(tolerance, &mut profile, 0.0);
@@ -249,7 +245,8 @@ mod tests {
                     let sides: Vec<_> = extents.iter().map(|&extent| boundary.sides(extent)).collect();
                     let below = sides.iter().filter(|s| s.0).count() as f64;
                     let above = sides.iter().filter(|s| s.1).count() as f64;
-                    let (area_below, area_above) = cell.axis_profile(0).areas(f64::from(t));
+                    profile.fill_box(&cell, 0);
+                    let (area_below, area_above) = profile.areas(f64::from(t));
                     let tests = area_below * below + area_above * above;
                     expected = Some(expected.map_or(tests, |e: f64| e.min(tests)));
                 }

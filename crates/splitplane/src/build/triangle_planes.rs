@@ -140,20 +140,15 @@ pub(crate) fn price(
     cell_area: f64,
     tolerance: Option<f32>,
     empty_bonus: f64,
+    heights: &mut Vec<f64>,
 ) -> Option<Best> {
     let boundary = Boundary {
         offset: counter.ties.project(candidate.normal, candidate.through),
         touching: tolerance.map_or(Touching::Both, Touching::Tolerated),
     };
-    let t = f64::from(boundary.offset);
     let direction: DVec3 = Vec3::from(candidate.normal).as_dvec3();
-    let slicer = cell.slicer(direction);
-    let (low, high) = slicer.inside();
-    if !(low < t && t < high) {
-        return None;
-    }
+    let (surface, cap) = cell.areas_at(direction, f64::from(boundary.offset), heights)?;
     let (below, above) = counter.count(candidate.normal, boundary);
-    let (surface, cap) = slicer.areas_at(t);
     let surface = surface.clamp(0.0, cell_area);
     let areas = (
         (surface + cap) / cell_area,

@@ -2,7 +2,7 @@ use glam::DVec3;
 
 use super::nodes::{Layout, View};
 use super::{Tree, with_nodes};
-use crate::geometry::polytope::Polytope;
+use crate::geometry::polytope::{CutScratch, Polytope};
 
 /// The promise that [`Tree::validate`] finds broken.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -141,11 +141,13 @@ impl Tree {
         while let Some((at, cell)) = pending.pop() {
             match split_plane(&nodes[at].view(&self.shared)) {
                 None => leaves += cell.volume(),
-                Some((normal, offset, above)) => match cell.cut(normal, offset) {
-                    Some((below, rest)) => pending.extend([(above, rest), (at + 1, below)]),
-                    // Too thin to be cut: one child has it all.
-                    None => pending.extend([(above, Polytope::default()), (at + 1, cell)]),
-                },
+                Some((normal, offset, above)) => {
+                    match cell.cut(normal, offset, &mut CutScratch::default()) {
+                        Some((below, rest)) => pending.extend([(above, rest), (at + 1, below)]),
+                        // Too thin to be cut: one child has it all.
+                        None => pending.extend([(above, Polytope::default()), (at + 1, cell)]),
+                    }
+                }
             }
         }
         if (leaves - root).abs() > 1e-6 * root {

@@ -4,23 +4,23 @@
 use splitplane::Mesh;
 
 /// A small generator of random numbers (xorshift), so that scenes are the same everywhere.
-pub struct Random(pub u64);
+pub(crate) struct Random(pub(crate) u64);
 
 impl Random {
-    pub fn next(&mut self) -> f32 {
+    pub(crate) fn next(&mut self) -> f32 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;
         (self.0 >> 40) as f32 / (1u64 << 24) as f32
     }
 
-    pub fn point(&mut self, size: f32) -> [f32; 3] {
+    pub(crate) fn point(&mut self, size: f32) -> [f32; 3] {
         std::array::from_fn(|_| (self.next() - 0.5) * size)
     }
 }
 
 /// Triangles of about that size, in a box of edge 2.
-pub fn soup(count: usize, size: f32) -> Mesh {
+pub(crate) fn soup(count: usize, size: f32) -> Mesh {
     let mut random = Random(1);
     let mut positions = Vec::new();
     for _ in 0..count {
@@ -37,7 +37,7 @@ pub fn soup(count: usize, size: f32) -> Mesh {
 }
 
 /// A sphere of latitudes and longitudes, closed.
-pub fn sphere(rings: u32) -> Mesh {
+pub(crate) fn sphere(rings: u32) -> Mesh {
     let segments = 2 * rings;
     let mut positions = vec![[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]];
     for ring in 1..rings {

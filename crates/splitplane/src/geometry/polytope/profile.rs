@@ -1,0 +1,176 @@
+//! The areas of a cell's two parts under a plane that moves along one direction.
+
+use glam::DVec3;
+
+use super::super::Aabb;
+use super::{Extent, Polytope};
+
+/// The areas of a cell's two parts as functions of the plane's offset along one direction:
+/// quadratics from vertex to vertex [Budge2008]. A buffer to be filled again and again.
+#[derive(Debug, Default)]
+pub(crate) struct Profile {
+    area: f64,
+    extent: Extent,
+    pieces: Vec<Piece>,
+    /// The piece of the last offset that was asked for.
+    current: usize,
+    heights: Vec<f64>,
+    /// The vertices, by height.
+    order: Vec<u16>,
+    /// Where each vertex stands in `order`.
+    rank: Vec<u16>,
+}
+
+/// Two quadratics in `t - middle`, by their coefficients: the area of the surface below, and that
+/// of the cross-section.
+#[derive(Clone, Copy, Debug, Default)]
+struct Piece {
+    end: f64,
+    middle: f64,
+    below: [f64; 3],
+    cap: [f64; 3],
+}
+
+impl Profile {
+    /// For a box, along an axis.
+    pub(crate) fn fill_box(&mut self, aabb: &Aabb, axis: usize) {
+        let extent = aabb.extent().map(f64::from);
+        let (p, q) = (extent[(axis + 1) % 3], extent[(axis + 2) % 3]);
+        let (low, high) = (f64::from(aabb.min[axis]), f64::from(aabb.max[axis]));
+        self.area = aabb.surface_area();
+        self.extent = Extent {
+            low,
+            high,
+            flat: 0.0,
+        };
+        self.current = 0;
+        self.pieces.clear();
+        self.pieces.push(Piece {
+            end: high,
+            middle: low,
+            below: [p * q, 2.0 * (p + q), 0.0],
+            cap: [p * q, 0.0, 0.0],
+        });
+    }
+
+    /// For a polytope, along a unit direction d.
+    ///
+    /// A face with the unit normal n meets the plane at t in a segment of width w(t), which is
+    /// linear between two vertices. With c = n·d, s = √(1 - c²), and h(t) the distance of that
+    /// segment from a fixed line along d, the area below grows by w/s, and the cross-section is
+    /// ½ Σ h w. The width is summed over half-edges: those that rise along the face's loop are at
+    /// its far end along u = (d × n)/s, those that fall at its near end.
+    pub(crate) fn fill_polytope(&mut self, polytope: &Polytope, direction: DVec3) {
+        let vertices = &polytope.vertices;
+        self.area = polytope.surface_area();
+        self.current = 0;
+        self.heights.clear();
+        self.heights
+            .extend(vertices.iter().map(|v| direction.dot(*v)));
+        let heights = &self.heights;
+        self.extent = Polytope::extent(heights.iter().copied());
+        self.order.clear();
+        self.order.extend(0..vertices.len() as u16);
+        self.order
+            .sort_unstable_by(|&i, &j| heights[usize::from(i)].total_cmp(&heights[usize::from(j)]));
+        self.rank.clear();
+        self.rank.resize(vertices.len(), 0);
+        for (rank, &vertex) in self.order.iter().enumerate() {
+            self.rank[usize::from(vertex)] = rank as u16;
+        }
+        self.pieces.clear();
+        self.pieces.extend(self.order.windows(2).map(|pair| {
+            let [start, end] = [pair[0], pair[1]].map(|i| heights[usize::from(i)]);
+            Piece {
+                end,
+                middle: 0.5 * (start + end),
+                ..Piece::default()
+            }
+        }));
+
+        // Coordinates relative to a point inside: differences of large numbers lose digits.
+        let center = vertices.iter().sum::<DVec3>() / vertices.len() as f64;
+        let center_height = direction.dot(center);
+        let mut closed_below = 0.0;
+        for face in &polytope.faces {
+            let indices = polytope.indices(face);
+            let tangent = direction.cross(face.normal);
+            let sine_squared = tangent.length_squared();
+            if sine_squared < 1e-16 {
+                // Across the direction: it closes the polytope at one end.
+                if face.normal.dot(direction) < 0.0 {
+                    closed_below += face.area;
+                }
+                continue;
+            }
+            let per_sine = 1.0 / sine_squared.sqrt();
+            let tangent = tangent * per_sine;
+            let cosine = face.normal.dot(direction);
+            let reach = face.normal.dot(vertices[usize::from(indices[0])] - center);
+            let h_slope = -cosine * per_sine;
+            let mut i = usize::from(indices[indices.len() - 1]);
+            for &j in indices {
+                let j = usize::from(j);
+                let (low, high, sign) = match self.rank[i] < self.rank[j] {
+                    true => (i, j, 1.0),
+                    false => (j, i, -1.0),
+                };
+                i = j;
+                let rise = heights[high] - heights[low];
+                if rise <= 0.0 {
+                    continue;
+                }
+                let at_low = sign * tangent.dot(vertices[low] - center);
+                let at_high = sign * tangent.dot(vertices[high] - center);
+                let slope = (at_high - at_low) / rise;
+                let (from, to) = (usize::from(self.rank[low]), usize::from(self.rank[high]));
+                for piece in &mut self.pieces[from..to] {
+                    // Between its values at the ends, however short the edge is.
+                    let width =
+                        at_low + (at_high - at_low) * ((piece.middle - heights[low]) / rise);
+                    let h = (reach - cosine * (piece.middle - center_height)) * per_sine;
+                    piece.below[1] += per_sine * width;
+                    piece.below[2] += per_sine * slope;
+                    piece.cap[0] += h * width;
+                    piece.cap[1] += h * slope + h_slope * width;
+                    piece.cap[2] += h_slope * slope;
+                }
+            }
+        }
+        let mut below = closed_below;
+        let mut start = self.extent.low;
+        for piece in &mut self.pieces {
+            let half = 0.5 * (piece.end - start);
+            start = piece.end;
+            let [at_middle, rate, slope] = &mut piece.below;
+            *at_middle = below + half * (*rate - 0.5 * half * *slope);
+            below += 2.0 * half * *rate;
+            *slope *= 0.5;
+            piece.cap = piece.cap.map(|c| 0.5 * c);
+        }
+    }
+
+    /// Whether the plane at `t` passes through the inside of the cell.
+    #[inline]
+    pub(crate) fn has_inside(&self, t: f64) -> bool {
+        self.extent.has_inside(t)
+    }
+
+    /// The areas of the cells below and above the plane at `t`, as fractions of the cell's area.
+    /// Offsets must ascend from call to call, strictly inside the cell.
+    #[inline]
+    pub(crate) fn areas(&mut self, t: f64) -> (f64, f64) {
+        while t > self.pieces[self.current].end && self.current + 1 < self.pieces.len() {
+            self.current += 1;
+        }
+        let piece = &self.pieces[self.current];
+        let x = t - piece.middle;
+        let value = |c: &[f64; 3]| c[0] + x * (c[1] + x * c[2]);
+        let below = value(&piece.below).clamp(0.0, self.area);
+        let cap = value(&piece.cap).max(0.0);
+        (
+            (below + cap) / self.area,
+            (self.area - below + cap) / self.area,
+        )
+    }
+}
