@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use splitplane::TreeChoice;
 use splitplane_lab::{
     Comparison, Difference, Preset, Quantity, Record, Row, Unit, compare, peak_memory_bytes, rows,
-    write_records,
+    shared_scale, write_records,
 };
 use splitplane_render::output::{write_exr, write_false_colour, write_png};
 
@@ -169,15 +169,12 @@ fn write(
             .iter()
             .map(|(_, picture)| quantity.per_sample(picture))
             .collect();
-        let most = values
-            .iter()
-            .flatten()
-            .fold(0.0_f32, |most, &v| most.max(v));
+        let end = shared_scale(&values);
         for ((tree, picture), values) in found.rendered.iter().zip(&values) {
             let path = of_tree(tree, &format!("-{}.png", quantity.file_label()));
             let label = format!("{} per sample, {tree}", quantity.label());
             let size = (picture.width, picture.height);
-            write_false_colour(&path, values, size, Some(most), &label)?;
+            write_false_colour(&path, values, size, Some(end), &label)?;
             written.push((quantity.label(), path));
         }
     }
