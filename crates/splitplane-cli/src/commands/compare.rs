@@ -28,13 +28,14 @@ pub fn run(command: &CompareCommand) -> Result<(), Failure> {
     }
     let quiet = command.general.quiet;
     let mut settings = command.build.settings(Preset::Thesis, &command.general);
+    let steps = trees.len() * (2 * command.repeat as usize + 1);
+    let bar = Bar::new(quiet, steps);
+    bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, quiet)?;
     command
         .picture
         .apply(&mut settings.render, (scene.film.width, scene.film.height));
 
-    let steps = trees.len() * (2 * command.repeat as usize + 1);
-    let bar = Bar::new(quiet, steps, command.repeat);
     let found = compare(&scene, trees, &settings, command.repeat, &bar)?;
     progress::clear();
     let Some(first) = found.records.first() else {
