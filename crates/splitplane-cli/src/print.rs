@@ -33,11 +33,16 @@ pub fn error(report: Report) {
             (true, Some(_)) => GraphicalTheme::unicode_nocolor(),
             (false, _) => GraphicalTheme::none(),
         };
-        let handler = GraphicalReportHandler::new_themed(theme).with_wrap_lines(terminal);
-        // Should the picture of the place fail, the line above says all.
+        let handler = GraphicalReportHandler::new_themed(theme).with_wrap_lines(false);
         let mut picture = String::new();
+        // Should the picture of the place fail, the line above says all. Its own first line says
+        // the same again.
         if handler.render_report(&mut picture, report.as_ref()).is_ok() {
-            text.push_str(&picture);
+            let lines = picture
+                .lines()
+                .skip(1)
+                .filter(|line| !line.trim().is_empty());
+            text.extend(lines.flat_map(|line| [line, "\n"]));
         }
     }
     to_stderr(&text);

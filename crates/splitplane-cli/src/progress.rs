@@ -35,19 +35,18 @@ pub fn suspend(work: impl FnOnce()) {
 /// A progress bar that follows a comparison, a rendering or a build.
 pub struct Bar {
     bar: ProgressBar,
-    /// Steps in all, and whether there are several repetitions.
     steps: usize,
-    repeat: u32,
     done: Mutex<usize>,
 }
 
 impl Bar {
     /// A bar for that many steps; `quiet`: none is shown.
-    pub fn new(quiet: bool, steps: usize, repeat: u32) -> Bar {
+    pub fn new(quiet: bool, steps: usize) -> Bar {
         let bar = if quiet || !std::io::stderr().is_terminal() {
             ProgressBar::hidden()
         } else {
             let bar = ProgressBar::with_draw_target(Some(0), ProgressDrawTarget::stderr());
+            bar.set_style(style(SPIN, &SPINNER));
             bar.enable_steady_tick(Duration::from_millis(120));
             *shown() = Some(bar.clone());
             bar
@@ -55,7 +54,6 @@ impl Bar {
         Bar {
             bar,
             steps,
-            repeat,
             done: Mutex::new(0),
         }
     }
@@ -68,6 +66,7 @@ impl Bar {
     }
 }
 
+const SPIN: &str = "{spinner} {msg} ({elapsed})";
 static SPINNER: OnceLock<ProgressStyle> = OnceLock::new();
 static RAYS: OnceLock<ProgressStyle> = OnceLock::new();
 
@@ -87,7 +86,7 @@ impl Progress for Bar {
         }
         self.bar.set_length(total);
         self.bar.set_style(style(
-            "{spinner} {msg} {bar:30} {percent:>3} % ({eta} left)",
+            "{spinner} {msg} {wide_bar} {percent:>3} % ({eta} left)",
             &RAYS,
         ));
         self.bar.set_position(done);
@@ -106,15 +105,6 @@ impl Watch for Bar {
             Task::Time => "rendering, timed",
             Task::Count => "rendering, counting",
         };
-        let repetition = if self.repeat > 1 {
-            format!(", repetition {} of {}", step.repetition + 1, self.repeat)
-        } else {
-            String::new()
-        };
-        self.bar.reset();
-        self.spin(format!(
-            "[{}/{}] {}: {task}{repetition}",
-            *done, self.steps, step.tree
-        ));
+        self.spin(format!("[{}/{}] {}: {task}", *done, self.steps, step.tree));
     }
 }

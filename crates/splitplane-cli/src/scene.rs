@@ -35,7 +35,7 @@ pub fn load(args: &SceneArgs, quiet: bool) -> Result<Scene, Failure> {
 fn report(error: &SceneError) -> Report {
     match place(error) {
         Some((source, at)) => {
-            let label = LabeledSpan::at_offset(at, "here");
+            let label = LabeledSpan::new(None, at, 1);
             Report::from(miette::MietteDiagnostic::new(error.to_string()).with_label(label))
                 .with_source_code(source)
         }

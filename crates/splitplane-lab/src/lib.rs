@@ -17,7 +17,7 @@ use std::path::PathBuf;
 pub use compare::{Comparison, Difference, Row, Step, Task, Unit, Watch, compare, rows};
 pub use machine::{Machine, peak_memory_bytes};
 pub use params::{ParamsRecord, Preset, UnknownName, ties_name, ties_named};
-pub use pictures::Quantity;
+pub use pictures::{Quantity, shared_scale};
 pub use record::{CardRecord, NodeRecord, PerRay, Record, write_records};
 pub use run::{Built, Settings, build, record, render_with};
 pub use stats::median;

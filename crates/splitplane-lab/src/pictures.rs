@@ -50,3 +50,33 @@ impl Quantity {
             .collect()
     }
 }
+
+/// An end for the scale of pictures that are to be compared, of all their pixels' values: the next
+/// of 1, 2, 5, 10, … that 999 of 1000 pixels do not exceed. The few pixels beyond would make all
+/// others look alike.
+pub fn shared_scale(pictures: &[Vec<f32>]) -> f32 {
+    let mut values: Vec<f32> = pictures.iter().flatten().copied().collect();
+    let at = values.len() * 999 / 1000;
+    if at >= values.len() {
+        return 1.0;
+    }
+    let (_, most, _) = values.select_nth_unstable_by(at, f32::total_cmp);
+    let most = most.max(1.0);
+    let power = 10_f32.powf(most.log10().floor());
+    let steps = [1.0, 2.0, 5.0, 10.0].map(|step| step * power);
+    steps.into_iter().find(|&end| end >= most).unwrap_or(most)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scale_ends_at_a_round_number_that_few_pixels_exceed() {
+        assert_eq!(shared_scale(&[vec![3.0; 5000], vec![700.0; 5]]), 5.0);
+        assert_eq!(shared_scale(&[vec![3.0; 500], vec![130.0; 500]]), 200.0);
+        assert_eq!(shared_scale(&[vec![100.0; 10]]), 100.0);
+        assert_eq!(shared_scale(&[vec![0.0; 10]]), 1.0);
+        assert_eq!(shared_scale(&[]), 1.0);
+    }
+}

@@ -11,8 +11,9 @@ use crate::{print, scene};
 pub fn run(command: &BuildCommand) -> Result<(), Failure> {
     let quiet = command.general.quiet;
     let settings = command.build.settings(Preset::Default, &command.general);
+    let bar = Bar::new(quiet, 1);
+    bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, quiet)?;
-    let bar = Bar::new(quiet, 1, 1);
     bar.spin(format!("{}: building the tree", command.tree));
     let built = build(&scene.mesh, command.tree, &settings)?;
     progress::clear();

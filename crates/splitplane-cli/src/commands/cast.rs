@@ -22,12 +22,13 @@ pub fn run(command: &CastCommand) -> Result<(), Failure> {
     let rays = read_rays(&command.rays)
         .map_err(|error| Failure::input(format!("{}: {error}", command.rays.display())))?;
     let settings = command.build.settings(Preset::Default, &command.general);
+    let bar = Bar::new(quiet, 1);
+    bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, quiet)?;
     let tree = match command.tree {
         Some(tree) => tree,
         None => TreeChoice::new(TREES[0].name, None).map_err(Failure::input)?,
     };
-    let bar = Bar::new(quiet, 1, 1);
     bar.spin(format!("{tree}: building the tree"));
     let built = build(&scene.mesh, tree, &settings)?;
     bar.spin(format!("casting {}", count(rays.len() as u64, "ray")));

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use splitplane::TreeChoice;
 use splitplane_lab::{
     Comparison, Difference, Preset, Quantity, Record, Row, Unit, compare, peak_memory_bytes, rows,
-    write_records,
+    shared_scale, write_records,
 };
 use splitplane_render::output::{write_exr, write_false_colour, write_png};
 
@@ -28,13 +28,14 @@ pub fn run(command: &CompareCommand) -> Result<(), Failure> {
     }
     let quiet = command.general.quiet;
     let mut settings = command.build.settings(Preset::Thesis, &command.general);
+    let steps = trees.len() * (2 * command.repeat as usize + 1);
+    let bar = Bar::new(quiet, steps);
+    bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, quiet)?;
     command
         .picture
         .apply(&mut settings.render, (scene.film.width, scene.film.height));
 
-    let steps = trees.len() * (2 * command.repeat as usize + 1);
-    let bar = Bar::new(quiet, steps, command.repeat);
     let found = compare(&scene, trees, &settings, command.repeat, &bar)?;
     progress::clear();
     let Some(first) = found.records.first() else {
@@ -169,15 +170,12 @@ fn write(
             .iter()
             .map(|(_, picture)| quantity.per_sample(picture))
             .collect();
-        let most = values
-            .iter()
-            .flatten()
-            .fold(0.0_f32, |most, &v| most.max(v));
+        let end = shared_scale(&values);
         for ((tree, picture), values) in found.rendered.iter().zip(&values) {
             let path = of_tree(tree, &format!("-{}.png", quantity.file_label()));
             let label = format!("{} per sample, {tree}", quantity.label());
             let size = (picture.width, picture.height);
-            write_false_colour(&path, values, size, Some(most), &label)?;
+            write_false_colour(&path, values, size, Some(end), &label)?;
             written.push((quantity.label(), path));
         }
     }

@@ -20,6 +20,8 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
     }
     let quiet = command.general.quiet;
     let mut settings = command.build.settings(Preset::Default, &command.general);
+    let bar = Bar::new(quiet, 1);
+    bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, quiet)?;
     command
         .picture
@@ -28,7 +30,6 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
         Some(tree) => tree,
         None => tree_of(&scene, quiet)?,
     };
-    let bar = Bar::new(quiet, 1, 1);
     bar.spin(format!("{tree}: building the tree"));
     let built = build(&scene.mesh, tree, &settings)?;
     bar.spin(format!("{tree}: rendering"));

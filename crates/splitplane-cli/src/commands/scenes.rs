@@ -16,7 +16,7 @@ pub fn run(command: &ScenesCommand) -> Result<(), Failure> {
         ..LoadOptions::default()
     };
     let entries = list(&search_path(&options.search));
-    let bar = Bar::new(false, entries.len(), 1);
+    let bar = Bar::new(false, 1);
     let rows = entries.iter().map(|entry| {
         let triangles = match entry.triangles {
             Some(triangles) => grouped(triangles as u64),
