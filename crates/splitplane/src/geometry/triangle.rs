@@ -7,6 +7,7 @@ use crate::query::Hit;
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shear {
     origin: [f32; 3],
+    direction: [f32; 3],
     axes: [usize; 3],
     shear: [f32; 3],
 }
@@ -25,6 +26,7 @@ impl Shear {
         let (kx, ky) = ((kz + 1) % 3, (kz + 2) % 3);
         Shear {
             origin: ray.origin,
+            direction: ray.direction,
             axes: [kx, ky, kz],
             shear: [d[kx] / d[kz], d[ky] / d[kz], 1.0 / d[kz]],
         }
@@ -80,6 +82,36 @@ impl Shear {
             triangle,
         })
     }
+
+    /// Whether the triangle's plane is met beyond `t_min`, computed from the unsheared vertices.
+    ///
+    /// The shear rounds by more than the distance that a ray's origin may have from a surface that
+    /// it leaves. At a small angle to a large triangle, [`Shear::intersect`] then finds the surface
+    /// again, at a small positive t. In f64 the side of the plane that the origin is on is right.
+    /// This only ever refuses hits, so it does not widen where a traversal must look.
+    #[inline]
+    pub(crate) fn meets_plane_beyond(&self, t_min: f32, corners: &[[f32; 3]; 3]) -> bool {
+        let [a, b, c] =
+            corners.map(|p| std::array::from_fn(|i| f64::from(p[i]) - f64::from(self.origin[i])));
+        let normal = cross(difference(b, a), difference(c, a));
+        dot(normal, a) / dot(normal, self.direction.map(f64::from)) > f64::from(t_min)
+    }
+}
+
+fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    std::array::from_fn(|i| a[i] - b[i])
+}
+
+fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn cross(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
+    [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
 }
 
 #[cfg(test)]
@@ -101,6 +133,25 @@ mod tests {
                 triangle: 7
             }
         );
+    }
+
+    #[test]
+    fn a_ray_does_not_hit_the_large_triangle_that_it_leaves() {
+        // The origin is four units in the last place above the triangle, as a renderer puts it.
+        let corners = [[-50.0, -50.0, 1.0], [50.0, -50.0, 1.0], [50.0, 50.0, 1.0]];
+        let origin = [1.3, -2.7, 1.0 + 4.0 * f32::EPSILON];
+        let mut found_by_the_shear_alone = 0;
+        for i in 0..1000u16 {
+            let angle = f32::from(i) * 0.01;
+            let ray = Ray::new(origin, [angle.cos(), angle.sin(), 0.2 + 1e-3 * angle]);
+            let shear = Shear::of(&ray);
+            let hit = shear.intersect(&corners, 0).filter(|hit| hit.t > 0.0);
+            found_by_the_shear_alone += u32::from(hit.is_some());
+            assert!(!shear.meets_plane_beyond(0.0, &corners));
+        }
+        assert!(found_by_the_shear_alone > 0);
+        let back = Ray::new(origin, [0.5, 0.1, -0.2]);
+        assert!(Shear::of(&back).meets_plane_beyond(0.0, &corners));
     }
 
     #[test]

@@ -122,9 +122,11 @@ impl Search for Closest<'_> {
 
     #[inline(always)]
     fn test(&mut self, triangle: u32) -> ControlFlow<()> {
-        if let Some(hit) = self.shear.intersect(&self.mesh.corners(triangle), triangle)
+        let corners = self.mesh.corners(triangle);
+        if let Some(hit) = self.shear.intersect(&corners, triangle)
             && hit.t > self.t_min
             && (hit.t < self.best.t || hit.t == self.best.t && triangle < self.best.triangle)
+            && self.shear.meets_plane_beyond(self.t_min, &corners)
         {
             self.best = hit;
         }
@@ -148,9 +150,11 @@ impl Search for Any<'_> {
 
     #[inline(always)]
     fn test(&mut self, triangle: u32) -> ControlFlow<()> {
-        if let Some(hit) = self.shear.intersect(&self.mesh.corners(triangle), triangle)
+        let corners = self.mesh.corners(triangle);
+        if let Some(hit) = self.shear.intersect(&corners, triangle)
             && hit.t > self.t_min
             && hit.t <= self.t_max
+            && self.shear.meets_plane_beyond(self.t_min, &corners)
         {
             self.found = true;
             return ControlFlow::Break(());
