@@ -112,7 +112,7 @@ fn accelerators_go_by_all_their_names() {
             Some("wn+kd:9"),
         ),
         ("\"wn+kd\"", Some("wn+kd:6")),
-        ("\"bvh\"", None),
+        ("\"grid\"", None),
     ] {
         let scene = scene(&format!("Accelerator {text}"), "");
         assert_eq!(scene.accelerator.as_deref(), expected, "{text}");

@@ -268,17 +268,21 @@ impl Builder<'_> {
                 origin,
             };
             let axis = plane.axis();
+            let extents = node.triangles.iter().map(|&i| self.extent(axis, normal, i));
+            events.fill(extents, self.tolerance);
             match (&node.cell, axis, &polytope) {
                 (Cell::Box(aabb), Some(axis), _) => profile.fill_box(aabb, axis),
                 (_, _, Some(polytope)) => {
-                    profile.fill_polytope(polytope, glam::Vec3::from(normal).as_dvec3());
+                    let direction = glam::Vec3::from(normal).as_dvec3();
+                    profile.aim(polytope, direction);
+                    if events.any_inside(profile) {
+                        profile.fill_polytope(polytope, direction);
+                    }
                 }
                 (Cell::Polytope(_), _, None) | (_, None, None) => {
                     unreachable!("only where all candidates are across axes there is no polytope")
                 }
             }
-            let extents = node.triangles.iter().map(|&i| self.extent(axis, normal, i));
-            events.fill(extents, self.tolerance);
             let (best, inside) = events.sweep(self.tolerance, profile, self.params.empty_bonus);
             candidates += inside;
             if let Some(best) = best {

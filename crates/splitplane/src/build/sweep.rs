@@ -67,6 +67,17 @@ impl Events {
         }
     }
 
+    /// Whether a plane through an event passes through the inside of the cell.
+    pub(crate) fn any_inside(&self, profile: &Profile) -> bool {
+        // Of each sorted list, the first event that is high enough is the only one to look at.
+        [&self.starts, &self.ends].into_iter().any(|events| {
+            let first = events.partition_point(|&t| profile.is_at_or_below_inside(f64::from(t)));
+            events
+                .get(first)
+                .is_some_and(|&t| profile.has_inside(f64::from(t)))
+        })
+    }
+
     /// The plane of fewest expected tests, `None` where no event lies strictly inside the cell;
     /// and the number of events that do. Of equally good planes the first.
     pub(crate) fn sweep(

@@ -330,6 +330,7 @@ mod tests {
             prop_assume!(size > 1e10 * ROUNDING);
             let Extent { low, high, .. } = extent(&cell, normal);
             let mut profile = Profile::default();
+            profile.aim(&cell, normal);
             profile.fill_polytope(&cell, normal);
             steps.sort_by(f64::total_cmp);
             for t in steps.into_iter().map(|step| low + step * (high - low)) {

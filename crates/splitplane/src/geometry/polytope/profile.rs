@@ -53,7 +53,16 @@ impl Profile {
         });
     }
 
-    /// For a polytope, along a unit direction d.
+    /// For a polytope, along a unit direction: only which planes pass through the inside. Then
+    /// [`Profile::fill_polytope`] is to follow, if it is worth it.
+    pub(crate) fn aim(&mut self, polytope: &Polytope, direction: DVec3) {
+        self.heights.clear();
+        self.heights
+            .extend(polytope.vertices.iter().map(|v| direction.dot(*v)));
+        self.extent = Polytope::extent(self.heights.iter().copied());
+    }
+
+    /// For the polytope and unit direction d that were last aimed at.
     ///
     /// A face with the unit normal n meets the plane at t in a segment of width w(t), which is
     /// linear between two vertices. With c = n·d, s = √(1 - c²), and h(t) the distance of that
@@ -64,11 +73,7 @@ impl Profile {
         let vertices = &polytope.vertices;
         self.area = polytope.surface_area();
         self.current = 0;
-        self.heights.clear();
-        self.heights
-            .extend(vertices.iter().map(|v| direction.dot(*v)));
         let heights = &self.heights;
-        self.extent = Polytope::extent(heights.iter().copied());
         self.order.clear();
         self.order.extend(0..vertices.len() as u16);
         self.order
@@ -91,44 +96,47 @@ impl Profile {
         // Coordinates relative to a point inside: differences of large numbers lose digits.
         let center = vertices.iter().sum::<DVec3>() / vertices.len() as f64;
         let center_height = direction.dot(center);
-        let mut closed_below = 0.0;
+        let mut below = 0.0;
         for face in &polytope.faces {
-            let indices = polytope.indices(face);
             let tangent = direction.cross(face.normal);
             let sine_squared = tangent.length_squared();
+            let cosine = face.normal.dot(direction);
             if sine_squared < 1e-16 {
                 // Across the direction: it closes the polytope at one end.
-                if face.normal.dot(direction) < 0.0 {
-                    closed_below += face.area;
+                if cosine < 0.0 {
+                    below += face.area;
                 }
                 continue;
             }
             let per_sine = 1.0 / sine_squared.sqrt();
             let tangent = tangent * per_sine;
-            let cosine = face.normal.dot(direction);
-            let reach = face.normal.dot(vertices[usize::from(indices[0])] - center);
+            let indices = polytope.indices(face);
+            let across = |i: usize| tangent.dot(vertices[i] - center);
+            let reach = face.normal.dot(vertices[usize::from(indices[0])] - center) * per_sine;
             let h_slope = -cosine * per_sine;
             let mut i = usize::from(indices[indices.len() - 1]);
+            let mut across_i = across(i);
             for &j in indices {
                 let j = usize::from(j);
-                let (low, high, sign) = match self.rank[i] < self.rank[j] {
-                    true => (i, j, 1.0),
-                    false => (j, i, -1.0),
+                let across_j = across(j);
+                // A falling edge counts against the width: seen from its low end, reversed.
+                let (low, high, at_low, at_high) = match self.rank[i] < self.rank[j] {
+                    true => (i, j, across_i, across_j),
+                    false => (j, i, -across_j, -across_i),
                 };
-                i = j;
+                (i, across_i) = (j, across_j);
                 let rise = heights[high] - heights[low];
                 if rise <= 0.0 {
                     continue;
                 }
-                let at_low = sign * tangent.dot(vertices[low] - center);
-                let at_high = sign * tangent.dot(vertices[high] - center);
-                let slope = (at_high - at_low) / rise;
+                let per_rise = 1.0 / rise;
+                let gain = at_high - at_low;
+                let slope = gain * per_rise;
                 let (from, to) = (usize::from(self.rank[low]), usize::from(self.rank[high]));
                 for piece in &mut self.pieces[from..to] {
                     // Between its values at the ends, however short the edge is.
-                    let width =
-                        at_low + (at_high - at_low) * ((piece.middle - heights[low]) / rise);
-                    let h = (reach - cosine * (piece.middle - center_height)) * per_sine;
+                    let width = at_low + gain * ((piece.middle - heights[low]) * per_rise);
+                    let h = reach + h_slope * (piece.middle - center_height);
                     piece.below[1] += per_sine * width;
                     piece.below[2] += per_sine * slope;
                     piece.cap[0] += h * width;
@@ -137,7 +145,6 @@ impl Profile {
                 }
             }
         }
-        let mut below = closed_below;
         let mut start = self.extent.low;
         for piece in &mut self.pieces {
             let half = 0.5 * (piece.end - start);
@@ -154,6 +161,11 @@ impl Profile {
     #[inline]
     pub(crate) fn has_inside(&self, t: f64) -> bool {
         self.extent.has_inside(t)
+    }
+
+    /// Whether the plane at `t` is too low to pass through the inside of the cell.
+    pub(crate) fn is_at_or_below_inside(&self, t: f64) -> bool {
+        t <= self.extent.low + self.extent.flat
     }
 
     /// The areas of the cells below and above the plane at `t`, as fractions of the cell's area.
