@@ -2,9 +2,11 @@
 
 mod card;
 pub(crate) mod nodes;
+mod section;
 mod validate;
 
 pub use card::{NodeCounts, TreeCard};
+pub use section::{Axis, Section, SectionCell, SectionSegment};
 pub use validate::ValidateError;
 
 use crate::build::{BuildError, BuildParams, BuildStats, Built, grow};
