@@ -61,7 +61,7 @@ const SHADES: [(&str, &str); 6] = [
     ("#dfcf8c", "3–4"),
     ("#d0b965", "5–8"),
     ("#b99d45", "9–16"),
-    ("#977c2f", "17 or more"),
+    ("#977c2f", "17+"),
 ];
 
 /// Which of [`SHADES`] a cell has; `None` for an empty one.
@@ -121,7 +121,11 @@ impl Slice {
         );
         let expected_tests = section.expected_tests();
         let mut notes = vec![format!(
-            "A random line in this plane tests {} triangles on average.",
+            "A random line in {} tests {} triangles on average.",
+            match slice.zoom == [0.0, 1.0, 0.0, 1.0] {
+                true => "this plane",
+                false => "this plane, seen or not,",
+            },
             measured(expected_tests)
         )];
         if content.left_out > 0 {

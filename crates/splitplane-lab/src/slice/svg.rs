@@ -114,13 +114,11 @@ const FAINT_TEXT: &str = "#5b6270";
 const TITLE_SIZE: f64 = 17.0;
 const TEXT_SIZE: f64 = 13.0;
 const LINE_HEIGHT: f64 = 21.0;
-/// Width of a legend's mark with the space behind it.
-const MARK_WIDTH: f64 = 30.0;
-const GAP: f64 = 18.0;
+const GAP: f64 = 16.0;
 
 /// About how wide a text is; fonts differ.
 fn text_width(text: &str) -> f64 {
-    0.54 * TEXT_SIZE * text.chars().count() as f64
+    0.52 * TEXT_SIZE * text.chars().count() as f64
 }
 
 /// The picture as a file.
@@ -201,7 +199,12 @@ fn legend(picture: &Picture) -> (usize, String) {
         at
     };
     for entry in &picture.legend {
-        let (x, y) = place(MARK_WIDTH + text_width(&entry.label), false);
+        // The mark's width with the space behind it.
+        let indent = match entry.mark {
+            Mark::Line { .. } => 29.0,
+            Mark::Box { .. } => 20.0,
+        };
+        let (x, y) = place(indent + text_width(&entry.label), false);
         let _ = match entry.mark {
             Mark::Line { color, width } => writeln!(
                 text,
@@ -209,16 +212,15 @@ fn legend(picture: &Picture) -> (usize, String) {
             ),
             Mark::Box { color } => writeln!(
                 text,
-                "<rect x=\"{:.0}\" y=\"{}\" width=\"14\" height=\"14\" fill=\"{color}\" \
+                "<rect x=\"{x:.0}\" y=\"{}\" width=\"14\" height=\"14\" fill=\"{color}\" \
                  stroke=\"#9aa1ad\" stroke-width=\".5\"/>",
-                x + 8.0,
                 y - 7.0
             ),
         };
         let _ = writeln!(
             text,
             "<text x=\"{:.0}\" y=\"{}\">{}</text>",
-            x + MARK_WIDTH,
+            x + indent,
             y + 4.5,
             escaped(&entry.label)
         );
