@@ -72,7 +72,8 @@ fn the_same_slice_is_the_same_file_and_depth_zoom_and_width_change_it() {
     let top = draw(&["--depth", "2"]);
     assert!(top.contains("down to depth 2"));
     assert!(planes(&top) < planes(&whole));
-    assert!(!draw(&["--depth", "0"]).contains("#2b6cb0\" stroke-width=\"2"));
+    let nothing = draw(&["--depth", "0"]);
+    assert!(nothing.contains("kd planes (0)") && nothing.contains("oblique planes (0)"));
     let detail = draw(&["--zoom", "0.4,0.6,0.4,0.6", "--width", "300"]);
     assert!(detail.contains("width=\"332\""), "{detail}");
     assert_ne!(draw(&["--at", "0.4"]), whole);

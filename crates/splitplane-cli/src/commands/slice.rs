@@ -12,8 +12,9 @@ pub fn run(command: &SliceCommand) -> Result<(), Failure> {
     writable_place(&command.out)?;
     let quiet = command.general.quiet;
     let settings = command.build.settings(Preset::Default, &command.general);
+    let bar = Bar::new(quiet, 1);
+    bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, quiet)?;
-    let bar = Bar::new(quiet, 1, 1);
     bar.spin(format!("{}: building the tree", command.tree));
     let built = build(&scene.mesh, command.tree, &settings)?;
     let slice = SliceSettings {
