@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
-use splitplane::{ObliquePricing, Ties, TreeChoice};
+use splitplane::{Axis, ObliquePricing, Ties, TreeChoice};
 use splitplane_lab::{Preset, Settings, ties_named};
 use splitplane_render::render::RenderSettings;
 
@@ -20,6 +20,7 @@ use splitplane_render::render::RenderSettings;
   splitplane render scene.pbrt --tree wn+kd:6 --spp 16
   splitplane build model.ply --tree kd
   splitplane cast model.ply --rays rays.npy --out hits.npz
+  splitplane slice arcade --tree wn+kd:6 --axis y --at 0.2 -o slice.svg
 
 Exit codes: 0 done, 1 results differ that must not, 2 bad input, 130 interrupted."
 )]
@@ -34,6 +35,7 @@ pub enum Command {
     Build(BuildCommand),
     Compare(CompareCommand),
     Cast(CastCommand),
+    Slice(SliceCommand),
     Trees(TreesCommand),
     Scenes(ScenesCommand),
 }
@@ -168,14 +170,77 @@ pub enum Query {
     Any,
 }
 
-/// List the trees that can be built.
+/// Draw the cells of a tree, cut by a plane across an axis, as SVG.
+///
+/// Lines show where the plane meets split planes, each in its node's cell: kd planes and oblique
+/// ones in two colours, the finer the deeper. On top is the cross-section of the triangles; cells
+/// are shaded by how many triangles they have. For a bounding volume hierarchy its boxes are drawn.
 #[derive(Debug, Args)]
-#[command(after_help = "Example:
+#[command(after_help = "Examples:
+  splitplane slice arcade --tree kd --axis y --at 0.2 -o kd.svg
+  splitplane slice arcade --tree wn+kd:6 --axis y --at 0.2 -o wn+kd.svg
+  splitplane slice truck --tree wn+kd:6 --depth 12 -o top.svg
+  splitplane slice truck --tree wn+kd:6 --zoom 0.1,0.3,0.2,0.6 -o detail.svg")]
+pub struct SliceCommand {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// The tree, e.g. kd or wn+kd:6
+    #[arg(long)]
+    pub tree: TreeChoice,
+    /// The axis that the plane lies across
+    #[arg(long, value_enum, default_value_t = AxisName::Z, ignore_case = true)]
+    pub axis: AxisName,
+    /// Where along the axis: a fraction of the scene's box, from 0 to 1
+    #[arg(long, default_value_t = 0.5, value_name = "FRACTION", value_parser = fraction, allow_hyphen_values = true)]
+    pub at: f64,
+    /// Divide cells down to this depth [default: to the leaves]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u32).range(0..=10_000))]
+    pub depth: Option<u32>,
+    /// The part to draw, in fractions of the picture from its left and top
+    #[arg(long, default_value = "0,1,0,1", value_name = "X0,X1,Y0,Y1", value_parser = crop, allow_hyphen_values = true)]
+    pub zoom: [f32; 4],
+    /// Width of the picture in pixels
+    #[arg(long, default_value_t = 1000, value_name = "PIXELS", allow_negative_numbers = true, value_parser = value_parser!(u32).range(100..=65_536))]
+    pub width: u32,
+    #[command(flatten)]
+    pub build: BuildArgs,
+    /// Where the picture goes
+    #[arg(long, short, value_name = "FILE.svg")]
+    pub out: PathBuf,
+    #[command(flatten)]
+    pub general: GeneralArgs,
+}
+
+/// An axis, by its name.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum AxisName {
+    X,
+    Y,
+    Z,
+}
+
+impl From<AxisName> for Axis {
+    fn from(name: AxisName) -> Axis {
+        match name {
+            AxisName::X => Axis::X,
+            AxisName::Y => Axis::Y,
+            AxisName::Z => Axis::Z,
+        }
+    }
+}
+
+/// List the trees that can be built, or explain one.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
   splitplane trees
+  splitplane trees wn+kd
 
 Names are taken in upper or lower case; the thesis's and its pbrt fork's names are taken too. A
 tree with :k takes a number of directions, as in wn+kd:6.")]
-pub struct TreesCommand {}
+pub struct TreesCommand {
+    /// The tree to explain: where its planes come from, its nodes, its price, its paper
+    pub tree: Option<TreeChoice>,
+}
 
 /// List the scenes that are known by name, with their triangles and where they were found.
 #[derive(Debug, Args)]
@@ -344,6 +409,13 @@ fn crop(text: &str) -> Result<[f32; 4], String> {
     (inside && x0 < x1 && y0 < y1)
         .then_some(crop)
         .ok_or_else(accepted)
+}
+
+fn fraction(text: &str) -> Result<f64, String> {
+    let number = text.trim().parse().ok();
+    number
+        .filter(|number| (0.0..=1.0).contains(number))
+        .ok_or_else(|| "a fraction is a number from 0 to 1, such as 0.5".to_owned())
 }
 
 fn definition(text: &str) -> Result<(String, String), String> {

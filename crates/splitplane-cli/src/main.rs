@@ -6,7 +6,6 @@
 mod args;
 mod commands;
 mod failure;
-mod numbers;
 mod print;
 mod progress;
 mod scene;
@@ -14,6 +13,7 @@ mod scene;
 use std::process::ExitCode;
 
 use clap::Parser;
+use splitplane_lab::numbers;
 
 use args::{Cli, Command};
 use failure::Failure;
@@ -34,6 +34,7 @@ fn main() -> ExitCode {
         Command::Build(command) => commands::build::run(&command),
         Command::Compare(command) => commands::compare::run(&command),
         Command::Cast(command) => commands::cast::run(&command),
+        Command::Slice(command) => commands::slice::run(&command),
         Command::Trees(command) => commands::trees::run(&command),
         Command::Scenes(command) => commands::scenes::run(&command),
     };

@@ -4,7 +4,9 @@ mod common;
 
 use common::{folder, hills_scene, outcome, splitplane};
 
-const COMMANDS: [&str; 6] = ["render", "build", "compare", "cast", "trees", "scenes"];
+const COMMANDS: [&str; 7] = [
+    "render", "build", "compare", "cast", "slice", "trees", "scenes",
+];
 
 #[test]
 fn every_help_text_shows_an_example() {

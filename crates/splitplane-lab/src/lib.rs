@@ -5,10 +5,12 @@
 
 mod compare;
 mod machine;
+pub mod numbers;
 mod params;
 mod pictures;
 mod record;
 mod run;
+mod slice;
 mod stats;
 mod write;
 
@@ -20,6 +22,7 @@ pub use params::{ParamsRecord, Preset, UnknownName, ties_name, ties_named};
 pub use pictures::{Quantity, shared_scale};
 pub use record::{CardRecord, NodeRecord, PerRay, Record, write_records};
 pub use run::{Built, Settings, build, record, render_with};
+pub use slice::{Slice, SliceSettings};
 pub use stats::median;
 pub use write::write_whole;
 

@@ -53,7 +53,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: true,
         objects: false,
-        summary: "SAH kd-tree: the three axes, swept [WaldHavran2006]",
+        summary: "kd-tree: planes across the three axes, swept, by the SAH [WaldHavran2006]",
     },
     TreeSpec {
         name: "rbsp",
@@ -64,7 +64,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: false,
         objects: false,
-        summary: "k fixed directions for the whole tree [KammajeMora2007]",
+        summary: "restricted BSP tree: k directions, fixed for the whole tree [KammajeMora2007]",
     },
     TreeSpec {
         name: "rbsp-kd",
@@ -75,7 +75,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: true,
         objects: false,
-        summary: "the same, the axes among them; axis nodes are kd nodes [Budge2008]",
+        summary: "restricted BSP tree: the axes and k-3 fixed directions; cheap kd nodes across axes [Budge2008]",
     },
     TreeSpec {
         name: "ize",
@@ -86,7 +86,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: true,
         axis_nodes: false,
         objects: false,
-        summary: "the axes, and four planes per triangle: its own and one through each edge [Ize2008]",
+        summary: "BSP tree: the axes, and four planes per triangle: its own, one through each edge [Ize2008]",
     },
     TreeSpec {
         name: "ize-kd",
@@ -97,7 +97,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: true,
         axis_nodes: true,
         objects: false,
-        summary: "the same; axis nodes are kd nodes [Ize2008]",
+        summary: "BSP tree: the axes, and four planes per triangle; cheap kd nodes across axes [Ize2008]",
     },
     TreeSpec {
         name: "random",
@@ -108,7 +108,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: false,
         objects: false,
-        summary: "k random directions in each node [Hoobergs2019]",
+        summary: "BSP tree: k random directions, drawn afresh in each node [Hoobergs2019]",
     },
     TreeSpec {
         name: "random+",
@@ -119,7 +119,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: false,
         objects: false,
-        summary: "the axes and k-3 random directions in each node [Hoobergs2019]",
+        summary: "BSP tree: the axes and k-3 random directions in each node [Hoobergs2019]",
     },
     TreeSpec {
         name: "random+kd",
@@ -130,7 +130,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: true,
         objects: false,
-        summary: "the same; axis nodes are kd nodes [Hoobergs2019]",
+        summary: "BSP tree: the axes and k-3 random directions; cheap kd nodes across axes [Hoobergs2019]",
     },
     TreeSpec {
         name: "wn",
@@ -141,7 +141,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: false,
         objects: false,
-        summary: "the normals of k random triangles of each node [Hoobergs2019]",
+        summary: "BSP tree: the normals of k random triangles of each node [Hoobergs2019]",
     },
     TreeSpec {
         name: "wn+",
@@ -152,7 +152,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: false,
         objects: false,
-        summary: "the axes and the normals of k-3 random triangles of each node [Hoobergs2019]",
+        summary: "BSP tree: the axes and the normals of k-3 random triangles of each node [Hoobergs2019]",
     },
     TreeSpec {
         name: "wn+kd",
@@ -163,7 +163,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: true,
         objects: false,
-        summary: "the same; axis nodes are kd nodes [Hoobergs2019]",
+        summary: "BSP tree: the axes and k-3 random triangles' normals; cheap kd nodes across axes [Hoobergs2019]",
     },
     TreeSpec {
         name: "cn",
@@ -174,7 +174,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: false,
         objects: false,
-        summary: "the centres of k clusters of each node's normals [Hoobergs2019]",
+        summary: "BSP tree: the centres of k clusters of each node's normals [Hoobergs2019]",
     },
     TreeSpec {
         name: "cn+",
@@ -185,7 +185,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: false,
         objects: false,
-        summary: "the axes and the centres of k-3 clusters of each node's normals [Hoobergs2019]",
+        summary: "BSP tree: the axes and the centres of k-3 clusters of each node's normals [Hoobergs2019]",
     },
     TreeSpec {
         name: "cn+kd",
@@ -196,7 +196,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: true,
         objects: false,
-        summary: "the same; axis nodes are kd nodes [Hoobergs2019]",
+        summary: "BSP tree: the axes and k-3 clusters of normals; cheap kd nodes across axes [Hoobergs2019]",
     },
     TreeSpec {
         name: "bvh",
@@ -207,7 +207,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: true,
         objects: true,
-        summary: "for comparison: a bounding volume hierarchy by SAH sweeps [MacDonaldBooth1990]",
+        summary: "bounding volume hierarchy by SAH sweeps, for comparison [MacDonaldBooth1990]",
     },
 ];
 

@@ -34,7 +34,9 @@ pub use build::{BuildError, BuildParams, BuildStats, DepthLimit, ObliquePricing,
 pub use catalog::{Directions, ParseTreeError, TREES, TreeChoice, TreeSpec};
 pub use geometry::{Aabb, Mesh, MeshError, Ray, Skipped};
 pub use query::{Counters, Counts, Hit, Traversal};
-pub use tree::{NodeCounts, Tree, TreeCard, ValidateError};
+pub use tree::{
+    Axis, NodeCounts, Section, SectionCell, SectionSegment, Tree, TreeCard, ValidateError,
+};
 
 #[cfg(test)]
 mod testing {

@@ -1,5 +1,7 @@
 //! `splitplane build`: the tree card.
 
+use std::collections::BTreeMap;
+
 use splitplane_lab::{CardRecord, Preset, build};
 
 use crate::args::BuildCommand;
@@ -45,6 +47,13 @@ fn text(card: &CardRecord) -> String {
     let share = |part: u64, whole: u64| percent(100.0 * part as f64 / (whole.max(1)) as f64);
     let all = nodes.total();
     let of_nodes = |part| format!("{} ({})", grouped(part), share(part, all));
+    let won = |part| {
+        format!(
+            "{} ({})",
+            grouped(part),
+            share(part, nodes.kd + nodes.oblique)
+        )
+    };
     let per_triangle = card.references as f64
         / (card.triangles - card.skipped_not_finite - card.skipped_degenerate).max(1) as f64;
     let rows = [
@@ -72,15 +81,21 @@ fn text(card: &CardRecord) -> String {
         ("size", bytes(card.tree_bytes)),
         ("build time", seconds(card.build_s)),
         ("split candidates", grouped(card.candidates)),
+        ("splits won", String::new()),
+        ("  by axes", won(card.wins.axis)),
+        ("  by other directions", won(card.wins.direction)),
+        ("  by planes of triangles", won(card.wins.triangle)),
+        ("  by planes of edges", won(card.wins.edge)),
         ("uncut cells", grouped(card.uncut_cells)),
     ];
     let rows = rows
         .map(|(label, value)| vec![label.to_owned(), value])
         .to_vec();
     let mut text = format!(
-        "{}\n\n{}",
+        "{}\n\n{}\n\n{}",
         print::table(vec![tree, card.scene.clone()], rows).trim_fmt(),
-        histogram(card)
+        by_depth(card),
+        by_leaf_size(card)
     );
     text.push_str(&format!(
         "\n\n{} parameters, ties {}, seed {}, {}\n",
@@ -93,38 +108,93 @@ fn text(card: &CardRecord) -> String {
     text
 }
 
-/// Leaves by their number of triangles: one line each to 8, then one per power of two.
-fn histogram(card: &CardRecord) -> String {
-    let mut bins: Vec<(u32, u32, u64)> = Vec::new();
-    for &(triangles, leaves) in &card.leaf_sizes {
-        let (first, last) = match triangles {
-            0..=8 => (triangles, triangles),
-            _ => {
-                let power = (triangles - 1).ilog2();
-                ((1 << power) + 1, (1_u32 << power).saturating_mul(2))
-            }
-        };
-        match bins.last_mut() {
-            Some((bin, _, count)) if *bin == first => *count += leaves,
-            _ => bins.push((first, last, leaves)),
-        }
-    }
-    let most = bins.iter().map(|&(_, _, leaves)| leaves).max().unwrap_or(0);
-    let all = card.nodes.leaf.max(1);
-    let rows = bins.into_iter().map(|(first, last, leaves)| {
-        let length = (30.0 * leaves as f64 / most.max(1) as f64).ceil() as usize;
-        let label = if first == last {
-            first.to_string()
-        } else {
-            format!("{first} to {last}")
-        };
-        let share = 100.0 * leaves as f64 / all as f64;
-        vec![label, grouped(leaves), percent(share), "█".repeat(length)]
-    });
-    let header = ["triangles in a leaf", "leaves", "", ""].map(str::to_owned);
-    let mut table = print::table(header.to_vec(), rows.collect());
-    if let Some(bars) = table.column_mut(3) {
+/// The most lines for interior nodes by depth.
+const DEPTH_LINES: usize = 12;
+/// The longest bar, in characters.
+const LONGEST_BAR: usize = 30;
+
+/// A bar for a part of the largest number; not empty unless the part is.
+fn bar(part: u64, largest: u64) -> usize {
+    (LONGEST_BAR as f64 * part as f64 / largest.max(1) as f64).ceil() as usize
+}
+
+fn bar_table(header: &[&str], rows: Vec<Vec<String>>) -> String {
+    let mut table = print::table(header.iter().map(|&cell| cell.to_owned()).collect(), rows);
+    if let Some(bars) = table.column_mut(header.len() - 1) {
         bars.set_cell_alignment(comfy_table::CellAlignment::Left);
     }
     table.trim_fmt()
+}
+
+fn range(first: impl Into<u64>, last: impl Into<u64>) -> String {
+    match (first.into(), last.into()) {
+        (first, last) if first == last => first.to_string(),
+        (first, last) => format!("{first} to {last}"),
+    }
+}
+
+/// Interior nodes by depth, several depths a line in deep trees.
+fn by_depth(card: &CardRecord) -> String {
+    let depths = &card.interior_by_depth;
+    let per_line = depths.len().div_ceil(DEPTH_LINES).max(1);
+    let bins: Vec<(u64, u64)> = depths
+        .chunks(per_line)
+        .map(|bin| {
+            bin.iter()
+                .fold((0, 0), |all, one| (all.0 + one.0, all.1 + one.1))
+        })
+        .collect();
+    let most = bins
+        .iter()
+        .map(|(kd, oblique)| kd + oblique)
+        .max()
+        .unwrap_or(0);
+    let rows = bins.into_iter().enumerate().map(|(i, (kd, oblique))| {
+        let first = i * per_line;
+        let last = (first + per_line).min(depths.len()) - 1;
+        let length = bar(kd + oblique, most);
+        let of_kd = length.min(bar(kd, most));
+        vec![
+            range(first as u64, last as u64),
+            grouped(kd),
+            grouped(oblique),
+            "█".repeat(of_kd) + &"░".repeat(length - of_kd),
+        ]
+    });
+    bar_table(
+        &["interior nodes at depth", "kd █", "oblique ░", ""],
+        rows.collect(),
+    )
+}
+
+/// Leaves and expected tests by the leaf's number of triangles: one line each to 8, then one per
+/// power of two.
+fn by_leaf_size(card: &CardRecord) -> String {
+    let bin = |triangles: u32| match triangles {
+        0..=8 => (triangles, triangles),
+        _ => {
+            let power = (triangles - 1).ilog2();
+            ((1 << power) + 1, (1_u32 << power).saturating_mul(2))
+        }
+    };
+    let mut bins: BTreeMap<(u32, u32), (u64, f64)> = BTreeMap::new();
+    for &(triangles, leaves) in &card.leaf_sizes {
+        bins.entry(bin(triangles)).or_default().0 += leaves;
+    }
+    for &(triangles, share) in &card.tests_by_leaf_size {
+        bins.entry(bin(triangles)).or_default().1 += share;
+    }
+    let most = bins.values().map(|&(leaves, _)| leaves).max().unwrap_or(0);
+    let all = card.nodes.leaf.max(1);
+    let rows = bins.into_iter().map(|((first, last), (leaves, tests))| {
+        vec![
+            range(first, last),
+            grouped(leaves),
+            percent(100.0 * leaves as f64 / all as f64),
+            percent(100.0 * tests),
+            "█".repeat(bar(leaves, most)),
+        ]
+    });
+    let header = ["triangles in a leaf", "leaves", "", "of expected tests", ""];
+    bar_table(&header, rows.collect())
 }

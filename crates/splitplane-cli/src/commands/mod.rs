@@ -5,4 +5,6 @@ pub mod cast;
 pub mod compare;
 pub mod render;
 pub mod scenes;
+pub mod slice;
+pub mod tree_page;
 pub mod trees;

@@ -2,13 +2,15 @@
 
 mod card;
 pub(crate) mod nodes;
+mod section;
 mod validate;
 
 pub use card::{NodeCounts, TreeCard};
+pub use section::{Axis, Section, SectionCell, SectionSegment};
 pub use validate::ValidateError;
 
 use crate::build::{BuildError, BuildParams, BuildStats, Built, grow};
-use crate::catalog::{Directions, TreeChoice};
+use crate::catalog::{Directions, TreeChoice, TreeSpec};
 use crate::geometry::{Aabb, Mesh, Ray};
 use crate::query::{self, Counters, Hit, Place, Traversal};
 use card::Expected;
@@ -37,6 +39,42 @@ pub(crate) enum Nodes {
     Indexed(Vec<IndexedNode>),
     Boxes(Vec<BoxNode>),
     Oblique(Vec<ObliqueNode>),
+}
+
+/// A layout of nodes, by name.
+enum Kind {
+    Kd,
+    Indexed,
+    Boxes,
+    Oblique,
+}
+
+impl Kind {
+    /// The layout that the tree's planes need.
+    fn of(spec: &TreeSpec) -> Kind {
+        if spec.objects {
+            Kind::Boxes
+        } else if spec.directions == Directions::Fixed {
+            Kind::Indexed
+        } else if spec.axis_nodes && spec.only_axes() {
+            Kind::Kd
+        } else {
+            Kind::Oblique
+        }
+    }
+}
+
+impl TreeSpec {
+    /// Bytes of a node, be it interior or a leaf; references of leaves with several triangles come
+    /// on top.
+    pub fn node_bytes(&self) -> usize {
+        match Kind::of(self) {
+            Kind::Kd => size_of::<KdNode>(),
+            Kind::Indexed => size_of::<IndexedNode>(),
+            Kind::Boxes => size_of::<BoxNode>(),
+            Kind::Oblique => size_of::<ObliqueNode>(),
+        }
+    }
 }
 
 /// Runs `$body` with `$nodes` bound to the slice of nodes, once for each layout.
@@ -88,19 +126,24 @@ impl Tree {
     ) -> Result<Tree, BuildError> {
         let spec = choice.spec;
         let shared = Shared::new(built.fixed.clone(), spec.axis_nodes);
-        let (nodes, references) = if spec.objects {
-            let (mut nodes, references) = nodes::store(built, &shared)?;
-            nodes::fit_boxes(&mut nodes, &references, mesh, &shared);
-            (Nodes::Boxes(nodes), references)
-        } else if spec.directions == Directions::Fixed {
-            let (nodes, references) = nodes::store(built, &shared)?;
-            (Nodes::Indexed(nodes), references)
-        } else if spec.axis_nodes && spec.only_axes() {
-            let (nodes, references) = nodes::store(built, &shared)?;
-            (Nodes::Kd(nodes), references)
-        } else {
-            let (nodes, references) = nodes::store(built, &shared)?;
-            (Nodes::Oblique(nodes), references)
+        let (nodes, references) = match Kind::of(spec) {
+            Kind::Boxes => {
+                let (mut nodes, references) = nodes::store(built, &shared)?;
+                nodes::fit_boxes(&mut nodes, &references, mesh, &shared);
+                (Nodes::Boxes(nodes), references)
+            }
+            Kind::Indexed => {
+                let (nodes, references) = nodes::store(built, &shared)?;
+                (Nodes::Indexed(nodes), references)
+            }
+            Kind::Kd => {
+                let (nodes, references) = nodes::store(built, &shared)?;
+                (Nodes::Kd(nodes), references)
+            }
+            Kind::Oblique => {
+                let (nodes, references) = nodes::store(built, &shared)?;
+                (Nodes::Oblique(nodes), references)
+            }
         };
         let bounds = mesh.bounds();
         Ok(Tree {

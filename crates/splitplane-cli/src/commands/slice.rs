@@ -1,0 +1,53 @@
+//! `splitplane slice`: a picture of splitting.
+
+use splitplane_lab::{Preset, Slice, SliceSettings, build};
+
+use crate::args::SliceCommand;
+use crate::failure::{Failure, writable_place};
+use crate::numbers::{bytes, grouped, measured};
+use crate::progress::{self, Bar};
+use crate::{print, scene};
+
+pub fn run(command: &SliceCommand) -> Result<(), Failure> {
+    writable_place(&command.out)?;
+    let quiet = command.general.quiet;
+    let settings = command.build.settings(Preset::Default, &command.general);
+    let bar = Bar::new(quiet, 1);
+    bar.spin(format!("reading {}", command.scene.scene));
+    let scene = scene::load(&command.scene, quiet)?;
+    bar.spin(format!("{}: building the tree", command.tree));
+    let built = build(&scene.mesh, command.tree, &settings)?;
+    let slice = SliceSettings {
+        axis: command.axis.into(),
+        at: command.at,
+        max_depth: command.depth,
+        zoom: command.zoom,
+        width: command.width,
+    };
+    bar.spin(format!("{}: drawing", command.tree));
+    let slice = Slice::draw(&scene, &built, &settings, &slice);
+    slice.write(&command.out)?;
+    progress::clear();
+    let segments = if command.tree.spec.objects {
+        format!("{} sides of boxes", grouped(slice.kd_segments))
+    } else {
+        format!(
+            "{} segments of kd planes and {} of oblique ones",
+            grouped(slice.kd_segments),
+            grouped(slice.oblique_segments)
+        )
+    };
+    print::line(&format!(
+        "{} with {}: {segments} around {} triangles; a random line in the plane tests {} triangles",
+        scene.name,
+        command.tree,
+        grouped(slice.triangles),
+        measured(slice.expected_tests),
+    ))?;
+    print::line(&format!(
+        "wrote {} ({})",
+        command.out.display(),
+        bytes(slice.svg.len() as u64)
+    ))?;
+    Ok(())
+}
