@@ -8,7 +8,7 @@ use std::str::FromStr;
 pub struct TreeSpec {
     /// The name that we use, without `:k`.
     pub name: &'static str,
-    /// The name in the thesis [Hoobergs2019]; empty where it has none.
+    /// The name in the thesis \[Hoobergs2019\]; empty where it has none.
     pub thesis_name: &'static str,
     /// The name of the accelerator in the thesis's fork of pbrt-v3; empty where it has none.
     pub pbrt_name: &'static str,
@@ -17,7 +17,7 @@ pub struct TreeSpec {
     /// Where the other candidate directions come from.
     pub directions: Directions,
     /// Per triangle, its own plane and the three planes through an edge perpendicular to it
-    /// [Ize2008] are candidates.
+    /// \[Ize2008\] are candidates.
     pub triangle_planes: bool,
     /// Axis-aligned nodes are stored, priced and traversed as kd nodes (superscript Kd).
     pub axis_nodes: bool,

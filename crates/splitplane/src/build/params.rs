@@ -48,7 +48,7 @@ pub enum Ties {
     Tolerant,
 }
 
-/// How oblique splits compete with axis splits in trees with kd nodes [Ize2008].
+/// How oblique splits compete with axis splits in trees with kd nodes \[Ize2008\].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum ObliquePricing {
     /// As the thesis's text has it: with a cost linear in the number of triangles,
@@ -67,7 +67,7 @@ pub enum ObliquePricing {
 }
 
 impl BuildParams {
-    /// The parameters of the thesis [Hoobergs2019].
+    /// The parameters of the thesis \[Hoobergs2019\].
     pub const THESIS: BuildParams = BuildParams {
         intersection_cost: 80.0,
         kd_traversal_cost: 1.0,
