@@ -200,3 +200,76 @@ fn run(tree: &Tree, ray: &Ray, search: &mut impl Search, counters: &mut impl Cou
         with_nodes!(tree, nodes => traverse(nodes, tree.shared(), tree.references(), place, ray, search, counters));
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{BuildParams, TREES, TreeChoice};
+    use proptest::prelude::*;
+
+    /// Every triangle tested, without a tree and without a box.
+    fn test_all(mesh: &Mesh, ray: &Ray) -> Option<Hit> {
+        let mut search = Closest {
+            mesh,
+            shear: Shear::of(ray),
+            t_min: ray.t_min,
+            best: Hit {
+                t: ray.t_max,
+                u: 0.0,
+                v: 0.0,
+                triangle: NONE,
+            },
+        };
+        for &triangle in mesh.usable_triangles() {
+            let _ = search.test(triangle);
+        }
+        (search.best.triangle != NONE).then_some(search.best)
+    }
+
+    fn coordinate() -> impl Strategy<Value = f32> {
+        prop_oneof![
+            -1.0f32..1.0,
+            (-2i8..=2).prop_map(|c| f32::from(c) / 2.0),
+            Just(-0.0),
+            Just(1e-40)
+        ]
+    }
+
+    fn point() -> impl Strategy<Value = [f32; 3]> {
+        prop::array::uniform3(coordinate())
+    }
+
+    proptest! {
+        #![proptest_config(crate::testing::cases(300))]
+
+        /// On a grid of few coordinates, triangles share planes, edges and vertices, and rays run
+        /// along planes and through vertices; `far` makes coordinates coarse.
+        #[test]
+        fn every_tree_finds_what_testing_all_triangles_finds(
+            corners in prop::collection::vec(prop::array::uniform3(point()), 1..24),
+            rays in prop::collection::vec((point(), point()), 20),
+            far in prop_oneof![Just(0.0f32), Just(1e3), Just(-2.5e5)],
+            origin_scale in prop_oneof![Just(1.0f32), Just(3.0), Just(1e6)],
+            tolerant in any::<bool>(),
+        ) {
+            let move_away = |p: [f32; 3]| [p[0] + far, p[1], p[2] - far];
+            let positions: Vec<_> = corners.iter().flatten().copied().map(move_away).collect();
+            let triangles = (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
+            let mesh = Mesh::new(positions, triangles).unwrap();
+            let ties = if tolerant { crate::Ties::Tolerant } else { crate::Ties::AsPublished };
+            let params = BuildParams { ties, ..BuildParams::THESIS };
+            for spec in TREES {
+                let choice = TreeChoice::new(spec.name, None).unwrap();
+                let tree = Tree::build(&mesh, choice, &params).unwrap();
+                for &(origin, target) in &rays {
+                    let origin = move_away(origin.map(|c| c * origin_scale));
+                    let target = move_away(target);
+                    let ray = Ray::new(origin, std::array::from_fn(|i| target[i] - origin[i]));
+                    let (found, all) = (tree.closest_hit(&ray, &mut ()), test_all(&mesh, &ray));
+                    prop_assert_eq!(found, all, "{} {:?}", choice, ray);
+                    prop_assert_eq!(tree.any_hit(&ray, &mut ()), all.is_some());
+                }
+            }
+        }
+    }
+}
