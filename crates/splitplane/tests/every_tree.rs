@@ -208,6 +208,31 @@ fn every_tree_keeps_its_promises() {
 }
 
 #[test]
+fn every_tree_takes_the_fewest_and_the_most_directions() {
+    let mesh = soup(60, 0.8);
+    let brute = brute_force(&mesh);
+    for spec in TREES {
+        let Some((min, max)) = spec.direction_counts() else {
+            continue;
+        };
+        for k in [min, max] {
+            let choice = TreeChoice::new(spec.name, Some(k)).unwrap();
+            let tree = Tree::build(&mesh, choice, &BuildParams::default()).unwrap();
+            tree.validate().unwrap();
+            for ray in rays(&mesh) {
+                assert_eq!(
+                    bits(tree.closest_hit(&ray, &mut ())),
+                    bits(brute.closest_hit(&ray, &mut ())),
+                    "{choice}: {ray:?}"
+                );
+            }
+        }
+        assert!(TreeChoice::new(spec.name, Some(min - 1)).is_err());
+        assert!(TreeChoice::new(spec.name, Some(max + 1)).is_err());
+    }
+}
+
+#[test]
 fn counting_never_changes_a_hit_and_the_counts_add_up() {
     let mesh = soup(200, 0.6);
     for choice in choices() {
