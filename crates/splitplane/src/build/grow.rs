@@ -124,6 +124,8 @@ struct Node {
 /// Buffers of one thread.
 #[derive(Default)]
 struct Scratch {
+    /// The corners of the node's triangles, side by side: they are gone through once a direction.
+    corners: Vec<[[f32; 3]; 3]>,
     events: Events,
     directions: Vec<[f32; 3]>,
     profile: Profile,
@@ -213,7 +215,7 @@ impl Builder<'_> {
         };
         let plane = choice.plane;
         built.stats.count_win(&plane);
-        let (below, above) = self.children(node, &choice, &mut built.stats, &mut scratch.cut);
+        let (below, above) = self.children(node, &choice, &mut built.stats, scratch);
         built.join(
             |above| BuiltNode::Interior { plane, above, area },
             below.triangles.len().min(above.triangles.len()) >= PARALLEL_FROM,
@@ -234,6 +236,10 @@ impl Builder<'_> {
         if n <= self.params.max_prims as usize || node.depth >= self.max_depth {
             return None;
         }
+        scratch.corners.clear();
+        scratch
+            .corners
+            .extend(node.triangles.iter().map(|&i| self.mesh.corners(i)));
         let (contest, candidates) = self.contest(node, scratch);
         stats.candidates += candidates;
         let choice = contest.decide(self.choice.spec, self.params, n)?;
@@ -252,6 +258,7 @@ impl Builder<'_> {
             Some(node.cell.to_polytope())
         };
         let Scratch {
+            corners,
             events,
             directions,
             profile,
@@ -268,7 +275,9 @@ impl Builder<'_> {
                 origin,
             };
             let axis = plane.axis();
-            let extents = node.triangles.iter().map(|&i| self.extent(axis, normal, i));
+            let extents = corners
+                .iter()
+                .map(|corners| self.extent(axis, normal, corners));
             events.fill(extents, self.tolerance);
             match (&node.cell, axis, &polytope) {
                 (Cell::Box(aabb), Some(axis), _) => profile.fill_box(aabb, axis),
@@ -309,7 +318,7 @@ impl Builder<'_> {
             sweep(direction, origin);
         }
         if let (true, Some(polytope)) = (spec.triangle_planes, &polytope) {
-            candidates += self.triangle_planes(node, polytope, &mut contest, heights);
+            candidates += self.triangle_planes(corners, polytope, &mut contest, heights);
         }
         (contest, candidates)
     }
@@ -317,20 +326,16 @@ impl Builder<'_> {
     /// Enters the planes of the node's triangles and says how many there were.
     fn triangle_planes(
         &self,
-        node: &Node,
+        corners: &[[[f32; 3]; 3]],
         cell: &Polytope,
         contest: &mut Contest<SplitPlane>,
         heights: &mut Vec<f64>,
     ) -> u64 {
-        let corners: Vec<_> = node
-            .triangles
-            .iter()
-            .map(|&i| self.mesh.corners(i))
-            .collect();
+        let ties = self.params.ties;
         let counter = Counter::new(
-            corners.clone(),
-            self.params.ties,
-            2.0 * self.params.ties.overhang(&self.mesh.bounds()),
+            corners.to_vec(),
+            ties,
+            2.0 * ties.overhang(&self.mesh.bounds()),
         );
         let area = cell.surface_area();
         let mut entered = 0;
@@ -365,30 +370,29 @@ impl Builder<'_> {
 
     /// The extent of a triangle along a direction, which may be an axis.
     #[inline(always)]
-    fn extent(&self, axis: Option<usize>, normal: [f32; 3], triangle: u32) -> (f32, f32) {
-        let corners = self.mesh.corners(triangle);
+    fn extent(&self, axis: Option<usize>, normal: [f32; 3], corners: &[[f32; 3]; 3]) -> (f32, f32) {
         let Some(axis) = axis else {
-            return self.params.ties.extent(normal, &corners);
+            return self.params.ties.extent(normal, corners);
         };
         let [a, b, c] = corners.map(|p| p[axis]);
         (a.min(b).min(c), a.max(b).max(c))
     }
 
-    /// The two children of a node.
+    /// The two children of the node that was last split.
     fn children(
         &self,
         node: Node,
         choice: &Choice<SplitPlane>,
         stats: &mut BuildStats,
-        scratch: &mut CutScratch,
+        scratch: &mut Scratch,
     ) -> (Node, Node) {
         let plane = choice.plane;
         let axis = plane.axis();
         let mut sides = [Vec::new(), Vec::new()];
-        for &triangle in &node.triangles {
+        for (&triangle, corners) in node.triangles.iter().zip(&scratch.corners) {
             let (below, above) = plane
                 .boundary
-                .sides(self.extent(axis, plane.normal, triangle));
+                .sides(self.extent(axis, plane.normal, corners));
             if below {
                 sides[0].push(triangle);
             }
@@ -396,7 +400,7 @@ impl Builder<'_> {
                 sides[1].push(triangle);
             }
         }
-        let cut = node.cell.cut(&plane, scratch);
+        let cut = node.cell.cut(&plane, &mut scratch.cut);
         stats.bad_refines += u64::from(choice.bad_refine);
         stats.uncut_cells += u64::from(cut.is_none());
         let cells = cut.unwrap_or_else(|| (node.cell.clone(), node.cell.clone()));
