@@ -2,9 +2,10 @@
 
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
-use splitplane::{Axis, ObliquePricing, Ties, TreeChoice};
-use splitplane_lab::{Preset, Settings, ties_named};
+use splitplane::{Axis, ObliquePricing, Ties, Traversal, TreeChoice};
+use splitplane_lab::{Preset, Settings, ties_named, traversal_named};
 use splitplane_render::render::RenderSettings;
 
 /// Ray queries on triangle meshes with BSP trees whose split planes come from triangle normals:
@@ -34,6 +35,7 @@ pub enum Command {
     Render(RenderCommand),
     Build(BuildCommand),
     Compare(CompareCommand),
+    Reproduce(ReproduceCommand),
     Cast(CastCommand),
     Slice(SliceCommand),
     Trees(TreesCommand),
@@ -89,7 +91,8 @@ pub struct BuildCommand {
 /// Render a scene with several trees and compare what each costs.
 ///
 /// Each tree is built, renders the scene without counters for its time, and once more with
-/// counters. All pictures must be the same, bit by bit.
+/// counters. All pictures must be the same, bit by bit; but with --traversal published each tree
+/// may have its own, and it is told in how many pixels they differ.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   splitplane compare truck --trees kd,wn+kd:6
@@ -118,6 +121,50 @@ pub struct CompareCommand {
     pub json: Option<PathBuf>,
     #[command(flatten)]
     pub out: OutArgs,
+    #[command(flatten)]
+    pub general: GeneralArgs,
+}
+
+/// Measure the thesis's trees on one of its scenes, beside the figures that were published.
+///
+/// Every tree is built with the thesis's parameters, with either way to treat ties, and renders
+/// the scene with either traversal, counting. Counts are exact and do not depend on the machine.
+/// Deviations from the published figures by more than a tenth are marked.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  splitplane reproduce
+  splitplane reproduce --subdivide 0 --out control-mesh.md
+  splitplane reproduce truck --trees kd,wn+kd:6 --resolution 300")]
+pub struct ReproduceCommand {
+    /// A scene by name (see `splitplane scenes`), or a file
+    #[arg(default_value = "killeroo-legs")]
+    pub scene: String,
+    #[command(flatten)]
+    pub load: LoadArgs,
+    /// The trees, separated by commas; the first is the measure of the others [default: those of
+    /// the thesis, with its numbers of directions, and the others of `splitplane trees`]
+    #[arg(long, value_delimiter = ',', value_name = "TREE,TREE,...")]
+    pub trees: Vec<TreeChoice>,
+    /// Seed of the directions that are drawn at random
+    #[arg(
+        long,
+        default_value_t = 0,
+        value_name = "N",
+        allow_negative_numbers = true
+    )]
+    pub seed: u64,
+    /// Samples per pixel
+    #[arg(long, default_value_t = 8, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u32).range(1..=1_000_000))]
+    pub spp: u32,
+    /// Size of the full picture in pixels; a width alone keeps the scene's proportions
+    #[arg(long, default_value = "1000", value_name = "WxH or W", allow_negative_numbers = true, value_parser = Resolution::parse)]
+    pub resolution: Resolution,
+    /// Print the tables as Markdown
+    #[arg(long)]
+    pub markdown: bool,
+    /// Write the tables to this file, as Markdown [default: none]
+    #[arg(long, value_name = "FILE.md")]
+    pub out: Option<PathBuf>,
     #[command(flatten)]
     pub general: GeneralArgs,
 }
@@ -260,9 +307,19 @@ pub struct ScenesCommand {
 pub struct SceneArgs {
     /// A scene by name (see `splitplane scenes`), or a file: .pbrt, .ply, .obj, .stl
     pub scene: String,
+    #[command(flatten)]
+    pub load: LoadArgs,
+}
+
+/// How a scene is read.
+#[derive(Debug, Args)]
+pub struct LoadArgs {
     /// Put VALUE in place of $NAME in a .pbrt file; may be repeated
     #[arg(long = "define", value_name = "NAME=VALUE", value_parser = definition)]
     pub definitions: Vec<(String, String)>,
+    /// Subdivide loopsubdiv surfaces to this level, whatever the file says; 0: the control mesh
+    #[arg(long, value_name = "LEVEL", allow_negative_numbers = true, value_parser = value_parser!(u32).range(0..=16))]
+    pub subdivide: Option<u32>,
     #[command(flatten)]
     pub search: SearchArgs,
 }
@@ -280,8 +337,8 @@ pub struct SearchArgs {
 #[derive(Debug, Args)]
 #[command(next_help_heading = "How trees are built")]
 pub struct BuildArgs {
-    /// Build parameters by name: thesis or default [default: thesis in compare, else default]
-    #[arg(long)]
+    /// Build parameters by name [default: thesis in compare, else default]
+    #[arg(long, value_parser = presets(), ignore_case = true)]
     preset: Option<Preset>,
     /// Triangles that touch a split plane: published (as in the thesis) or tolerant [default: as
     /// the preset says]
@@ -290,6 +347,11 @@ pub struct BuildArgs {
     /// How oblique nodes are priced in trees with kd nodes [default: as the preset says]
     #[arg(long, value_enum, ignore_case = true)]
     pricing: Option<Pricing>,
+    /// Which cells a ray passes: exact (with margins for rounding; the hits are those of brute
+    /// force) or published (without, as in the thesis: its counts; hits in split planes may be
+    /// missed)
+    #[arg(long, default_value = "exact", value_parser = traversal_named)]
+    traversal: Traversal,
     /// Seed of the directions that are drawn at random
     #[arg(
         long,
@@ -298,6 +360,11 @@ pub struct BuildArgs {
         allow_negative_numbers = true
     )]
     seed: u64,
+}
+
+fn presets() -> impl TypedValueParser<Value = Preset> {
+    let value = |preset: Preset| PossibleValue::new(preset.name()).help(preset.summary());
+    PossibleValuesParser::new(Preset::ALL.map(value)).try_map(|name| name.parse::<Preset>())
 }
 
 /// How oblique nodes are priced in trees with kd nodes.
@@ -382,7 +449,7 @@ impl Resolution {
     }
 
     /// Width and height, given those of the scene.
-    fn of(self, (width, height): (u32, u32)) -> (u32, u32) {
+    pub fn of(self, (width, height): (u32, u32)) -> (u32, u32) {
         match self {
             Resolution::Full(width, height) => (width, height),
             Resolution::Width(given) => {
@@ -450,6 +517,7 @@ impl BuildArgs {
             };
         }
         params.seed = self.seed;
+        settings.traversal = self.traversal;
         settings.render.threads = general.threads();
         settings
     }

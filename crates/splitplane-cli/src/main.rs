@@ -33,6 +33,7 @@ fn main() -> ExitCode {
         Command::Render(command) => commands::render::run(&command),
         Command::Build(command) => commands::build::run(&command),
         Command::Compare(command) => commands::compare::run(&command),
+        Command::Reproduce(command) => commands::reproduce::run(&command),
         Command::Cast(command) => commands::cast::run(&command),
         Command::Slice(command) => commands::slice::run(&command),
         Command::Trees(command) => commands::trees::run(&command),

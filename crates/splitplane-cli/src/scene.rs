@@ -6,18 +6,23 @@ use miette::{LabeledSpan, NamedSource, Report};
 use splitplane_render::SceneError;
 use splitplane_render::scene::{LoadOptions, Scene, load as load_scene};
 
-use crate::args::SceneArgs;
+use crate::args::{LoadArgs, SceneArgs};
 use crate::failure::Failure;
 use crate::print;
 
 /// Reads a scene, and tells what it says of itself.
 pub fn load(args: &SceneArgs, quiet: bool) -> Result<Scene, Failure> {
+    load_named(&args.scene, &args.load, quiet)
+}
+
+/// Reads the scene of that name or file.
+pub fn load_named(name: &str, args: &LoadArgs, quiet: bool) -> Result<Scene, Failure> {
     let options = LoadOptions {
         defines: args.definitions.iter().cloned().collect(),
         search: args.search.scenes.clone(),
+        subdivision_levels: args.subdivide,
     };
-    let scene =
-        load_scene(&args.scene, &options).map_err(|error| Failure::Input(report(&error)))?;
+    let scene = load_scene(name, &options).map_err(|error| Failure::Input(report(&error)))?;
     if !quiet {
         for note in &scene.notes {
             let text = format!("{}: {}", note.place, note.text);

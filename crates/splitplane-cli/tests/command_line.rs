@@ -4,8 +4,15 @@ mod common;
 
 use common::{folder, hills_scene, outcome, splitplane};
 
-const COMMANDS: [&str; 7] = [
-    "render", "build", "compare", "cast", "slice", "trees", "scenes",
+const COMMANDS: [&str; 8] = [
+    "render",
+    "build",
+    "compare",
+    "reproduce",
+    "cast",
+    "slice",
+    "trees",
+    "scenes",
 ];
 
 #[test]
@@ -74,6 +81,9 @@ fn bad_input_ends_with_exit_code_2_and_says_what_would_be_accepted() {
         (render, &["--crop", "0.7,0.3,0,1"], &["x0 < x1"]),
         (render, &["--crop=-1,1,0,1"], &["from 0 to 1"]),
         (render, &["--preset", "slow"], &["thesis", "default"]),
+        (render, &["--preset", "slow"], &["pbrt3", "pbrt4"]),
+        (render, &["--traversal", "loose"], &["exact", "published"]),
+        (render, &["--subdivide", "17"], &["0..=16"]),
         (render, &["--ties", "fuzzy"], &["published", "tolerant"]),
         (render, &["--pricing", "free"], &["published", "fork"]),
         (render, &["--seed", "-1"], &["--seed"]),

@@ -1,6 +1,6 @@
 //! Trees on the same scene, side by side.
 
-use splitplane::TreeChoice;
+use splitplane::{Traversal, TreeChoice};
 use splitplane_render::render::{Progress, Rendered};
 use splitplane_render::scene::Scene;
 
@@ -50,12 +50,16 @@ pub struct Comparison {
     pub rendered: Vec<(TreeChoice, Rendered)>,
     /// Where results differ that must not; empty if all is well.
     pub differences: Vec<Difference>,
+    /// Where pictures differ from the first tree's although they may: with
+    /// [`Traversal::AsPublished`], hits in or near split planes may be missed.
+    pub deviations: Vec<Difference>,
 }
 
 /// Results that differ although they must be the same.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Difference {
-    /// A picture is not, bit by bit, that of the first rendering of the first tree.
+    /// A picture is not, bit by bit, that of the first rendering of the first tree; or of the same
+    /// tree, where trees may give different ones.
     Picture {
         /// The tree.
         tree: TreeChoice,
@@ -81,6 +85,8 @@ pub enum Difference {
 /// disturbs the machine disturbs all trees alike. Times are taken without counters; each tree is
 /// rendered once more with them.
 ///
+/// With [`Traversal::Exact`], all trees must give the same picture; otherwise each its own.
+///
 /// # Errors
 /// A tree cannot be built, the scene cannot be rendered, or `watch` stopped it.
 pub fn compare(
@@ -94,8 +100,10 @@ pub fn compare(
         records: Vec::new(),
         rendered: Vec::new(),
         differences: Vec::new(),
+        deviations: Vec::new(),
     };
-    let mut reference: Option<Vec<[f32; 3]>> = None;
+    // The first picture of each tree that has one of its own.
+    let mut references: Vec<Vec<[f32; 3]>> = Vec::new();
     for repetition in 0..repeat {
         for (i, &tree) in trees.iter().enumerate() {
             let step = |task| {
@@ -109,7 +117,21 @@ pub fn compare(
             let built = build(&scene.mesh, tree, settings)?;
             step(Task::Time);
             let timed = render_with(scene, &built, settings, false, watch)?;
-            let reference = reference.get_or_insert_with(|| timed.radiance.clone());
+            if let Some(first) = references.first()
+                && settings.traversal == Traversal::AsPublished
+                && repetition == 0
+            {
+                let deviation = difference(first, &timed, (tree, repetition, false));
+                found.deviations.extend(deviation);
+                references.push(timed.radiance.clone());
+            }
+            if references.is_empty() {
+                references.push(timed.radiance.clone());
+            }
+            let reference = match settings.traversal {
+                Traversal::Exact => &references[0],
+                Traversal::AsPublished => &references[i],
+            };
             let mut check = |picture: &Rendered, counted| {
                 found.differences.extend(difference(
                     reference,
@@ -149,10 +171,7 @@ fn difference(
     picture: &Rendered,
     (tree, repetition, counted): (TreeChoice, u32, bool),
 ) -> Option<Difference> {
-    let bits = |pixel: &[f32; 3]| pixel.map(f32::to_bits);
-    let mut differing = (reference.iter().zip(&picture.radiance).enumerate())
-        .filter(|(_, (a, b))| bits(a) != bits(b))
-        .map(|(i, _)| i as u32);
+    let mut differing = differing_pixels(reference, &picture.radiance);
     let first = differing.next()?;
     Some(Difference::Picture {
         tree,
@@ -164,6 +183,14 @@ fn difference(
             picture.origin.1 + first / picture.width,
         ),
     })
+}
+
+/// The places of the pixels that are not the same in both pictures, bit by bit.
+pub(crate) fn differing_pixels(a: &[[f32; 3]], b: &[[f32; 3]]) -> impl Iterator<Item = u32> {
+    let bits = |pixel: &[f32; 3]| pixel.map(f32::to_bits);
+    (a.iter().zip(b).enumerate())
+        .filter(move |(_, (a, b))| bits(a) != bits(b))
+        .map(|(i, _)| i as u32)
 }
 
 /// A line of a comparison's table: a quantity, one value per tree.

@@ -8,7 +8,9 @@ mod machine;
 pub mod numbers;
 mod params;
 mod pictures;
+mod published;
 mod record;
+mod reproduce;
 mod run;
 mod slice;
 mod stats;
@@ -18,9 +20,16 @@ use std::path::PathBuf;
 
 pub use compare::{Comparison, Difference, Row, Step, Task, Unit, Watch, compare, rows};
 pub use machine::{Machine, peak_memory_bytes};
-pub use params::{ParamsRecord, Preset, UnknownName, ties_name, ties_named};
+pub use params::{
+    ParamsRecord, Preset, UnknownName, ties_name, ties_named, traversal_name, traversal_named,
+};
 pub use pictures::{Quantity, shared_scale};
+pub use published::QUANTITIES;
 pub use record::{CardRecord, NodeRecord, PerRay, Record, write_records};
+pub use reproduce::{
+    Figure, FigureLine, FigureTable, Measured, figure_tables, reproduce, reproduction_steps,
+    trees_of_the_thesis,
+};
 pub use run::{Built, Settings, build, record, render_with};
 pub use slice::{Slice, SliceSettings};
 pub use stats::median;

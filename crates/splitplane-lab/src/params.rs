@@ -4,35 +4,70 @@ use std::fmt;
 use std::str::FromStr;
 
 use serde::{Deserialize, Serialize};
-use splitplane::{BuildParams, DepthLimit, ObliquePricing, Ties};
+use splitplane::{BuildParams, DepthLimit, ObliquePricing, Ties, Traversal};
 
 /// A set of build parameters that has a name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
-    /// Those of the thesis, [`BuildParams::THESIS`]: what experiments measure.
+    /// [`BuildParams::THESIS`]: what experiments measure.
     Thesis,
-    /// Those of [`BuildParams::default`].
+    /// [`BuildParams::PBRT3`].
+    Pbrt3,
+    /// [`BuildParams::PBRT4`].
+    Pbrt4,
+    /// [`BuildParams::default`].
     Default,
 }
 
 impl Preset {
     /// All presets.
-    pub const ALL: [Preset; 2] = [Preset::Thesis, Preset::Default];
+    pub const ALL: [Preset; 4] = [
+        Preset::Thesis,
+        Preset::Pbrt3,
+        Preset::Pbrt4,
+        Preset::Default,
+    ];
+
+    /// Its name, what it is in a line, and its parameters.
+    fn row(self) -> (&'static str, &'static str, BuildParams) {
+        match self {
+            Preset::Thesis => (
+                "thesis",
+                "the thesis's costs, depths and ties",
+                BuildParams::THESIS,
+            ),
+            Preset::Pbrt3 => (
+                "pbrt3",
+                "those of pbrt-v3's kd-tree: costs 80 and 1, empty bonus 0.5, deeper; ties as in \
+                 the thesis",
+                BuildParams::PBRT3,
+            ),
+            Preset::Pbrt4 => (
+                "pbrt4",
+                "those of pbrt-v4's kd-tree: as pbrt3, but costs 5 and 1",
+                BuildParams::PBRT4,
+            ),
+            Preset::Default => (
+                "default",
+                "the thesis's costs and depths, with tolerant ties",
+                BuildParams::default(),
+            ),
+        }
+    }
 
     /// Its name.
     pub fn name(self) -> &'static str {
-        match self {
-            Preset::Thesis => "thesis",
-            Preset::Default => "default",
-        }
+        self.row().0
+    }
+
+    /// What it is, in a line.
+    pub fn summary(self) -> &'static str {
+        self.row().1
     }
 
     /// Its parameters.
     pub fn params(self) -> BuildParams {
-        match self {
-            Preset::Thesis => BuildParams::THESIS,
-            Preset::Default => BuildParams::default(),
-        }
+        self.row().2
     }
 }
 
@@ -100,6 +135,27 @@ pub fn ties_named(text: &str) -> Result<Ties, UnknownName> {
     )
 }
 
+/// The name of a way to decide which cells a ray passes.
+pub fn traversal_name(traversal: Traversal) -> &'static str {
+    match traversal {
+        Traversal::Exact => "exact",
+        Traversal::AsPublished => "published",
+    }
+}
+
+/// The way to decide which cells a ray passes of that name, in upper or lower case.
+///
+/// # Errors
+/// No such way.
+pub fn traversal_named(text: &str) -> Result<Traversal, UnknownName> {
+    find(
+        "traversal",
+        text,
+        &[Traversal::Exact, Traversal::AsPublished],
+        traversal_name,
+    )
+}
+
 /// The name of a way to price oblique nodes.
 fn pricing_name(pricing: ObliquePricing) -> &'static str {
     match pricing {
@@ -161,11 +217,13 @@ mod tests {
     use super::*;
 
     #[test]
-    fn presets_and_ties_are_found_in_any_case_and_an_unknown_name_lists_them() {
+    fn names_are_found_in_any_case_and_an_unknown_name_lists_them() {
         assert_eq!("Thesis".parse(), Ok(Preset::Thesis));
         assert_eq!(ties_named("TOLERANT"), Ok(Ties::Tolerant));
         let error = "slow".parse::<Preset>().unwrap_err().to_string();
-        assert!(error.contains("thesis, default"), "{error}");
+        assert!(error.contains("thesis, pbrt3, pbrt4, default"), "{error}");
+        assert_eq!(traversal_named("Exact"), Ok(Traversal::Exact));
+        assert!(traversal_named("loose").is_err());
         let error = ties_named("fuzzy").unwrap_err().to_string();
         assert!(error.contains("published, tolerant"), "{error}");
     }

@@ -51,6 +51,8 @@ pub struct Record {
     pub preset: String,
     /// The build parameters.
     pub build_params: ParamsRecord,
+    /// How queries decided which cells a ray passes: "exact" or "published".
+    pub traversal: String,
     /// Time to build the tree, in seconds.
     pub build_s: f64,
     /// Time to render the picture, in seconds.

@@ -2,13 +2,13 @@
 
 use std::time::Instant;
 
-use splitplane::{BuildParams, Counts, Mesh, Tree, TreeCard, TreeChoice};
+use splitplane::{BuildParams, Counts, Mesh, Traversal, Tree, TreeCard, TreeChoice};
 use splitplane_render::render::{Progress, RenderSettings, Rendered, render};
 use splitplane_render::scene::{Scene, settings::Integrator};
 
 use crate::LabError;
 use crate::machine::{Machine, peak_memory_bytes};
-use crate::params::{ParamsRecord, Preset};
+use crate::params::{ParamsRecord, Preset, traversal_name};
 use crate::record::{PerRay, Record, version_and_commit};
 
 /// The conditions that all trees of an experiment share.
@@ -18,6 +18,8 @@ pub struct Settings {
     pub preset: Preset,
     /// The build parameters; those of the preset, where single ones are not set otherwise.
     pub params: BuildParams,
+    /// How queries decide which cells a ray passes.
+    pub traversal: Traversal,
     /// How to render. Its number of threads is also that of the build; the laboratory decides
     /// what is counted.
     pub render: RenderSettings,
@@ -29,6 +31,7 @@ impl Settings {
         Settings {
             preset,
             params: preset.params(),
+            traversal: Traversal::default(),
             render: RenderSettings::default(),
         }
     }
@@ -68,7 +71,7 @@ pub fn build(mesh: &Mesh, choice: TreeChoice, settings: &Settings) -> Result<Bui
     })?;
     Ok(Built {
         card: tree.card(),
-        tree,
+        tree: tree.with_traversal(settings.traversal),
         seconds,
         threads: pool.current_num_threads(),
         machine,
@@ -141,6 +144,7 @@ pub fn record(
         max_depth: max_depth.map(|scenes| settings.render.max_depth.unwrap_or(scenes)),
         preset: settings.preset.name().to_owned(),
         build_params: ParamsRecord::from(&settings.params),
+        traversal: traversal_name(settings.traversal).to_owned(),
         build_s: built.seconds,
         render_s,
         counted_while_timed,

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use splitplane::TreeChoice;
+use splitplane::{Traversal, TreeChoice};
 use splitplane_lab::{
     Comparison, Difference, Preset, Quantity, Record, Row, Unit, compare, peak_memory_bytes, rows,
     shared_scale, write_records,
@@ -54,7 +54,10 @@ pub fn run(command: &CompareCommand) -> Result<(), Failure> {
     print::line(&table(&names, &rows))?;
 
     let written = write(command, &scene::file_name(&scene.name), &found)?;
-    if found.differences.is_empty() {
+    for deviation in &found.deviations {
+        print::line(&told(deviation))?;
+    }
+    if found.differences.is_empty() && settings.traversal == Traversal::Exact {
         let renderings = found.records.len() + found.rendered.len();
         print::line(&format!(
             "The pictures of all {renderings} renderings are identical, bit by bit."
@@ -88,7 +91,7 @@ fn conditions(record: &Record, repeat: u32) -> String {
     };
     format!(
         "{}: {}, {} x {} pixels{crop}, {} per pixel{depth}\n\
-         {} parameters, ties {}, seed {}, {}, {}\n\
+         {} parameters, ties {}, traversal {}, seed {}, {}, {}\n\
          rays: {} camera, {} bounce, {} shadow",
         record.scene,
         count(record.triangles, "triangle"),
@@ -97,6 +100,7 @@ fn conditions(record: &Record, repeat: u32) -> String {
         count(record.spp.into(), "sample"),
         record.preset,
         record.build_params.ties,
+        record.traversal,
         record.seed,
         count(record.threads as u64, "thread"),
         if repeat == 1 {

@@ -4,6 +4,7 @@ pub mod build;
 pub mod cast;
 pub mod compare;
 pub mod render;
+pub mod reproduce;
 pub mod scenes;
 pub mod slice;
 pub mod tree_page;

@@ -105,6 +105,9 @@ pub struct LoadOptions {
     pub defines: BTreeMap<String, String>,
     /// Folders in which scenes, and the files that they name, are looked for.
     pub search: Vec<PathBuf>,
+    /// How often `loopsubdiv` surfaces are subdivided, at most 16, in place of what the file says.
+    /// 0: the control mesh, its vertices moved to the limit surface.
+    pub subdivision_levels: Option<u32>,
 }
 
 /// Reads a scene: a file of pbrt-v3 (`.pbrt`), a mesh (`.ply`, `.ply.gz`, `.obj`, `.stl`), or a

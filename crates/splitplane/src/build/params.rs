@@ -83,6 +83,26 @@ impl BuildParams {
         seed: 0,
     };
 
+    /// The parameters of pbrt-v3's kd-tree [PBRT3, 4.4], with the thesis's for oblique nodes.
+    ///
+    /// **Differs from pbrt:** which planes are tried is the tree's affair. pbrt sweeps the longest
+    /// axis of a node's box, and the others only where that one has no candidate.
+    pub const PBRT3: BuildParams = BuildParams {
+        empty_bonus: 0.5,
+        max_depth: DepthLimit::Log2 {
+            base: 8.0,
+            per_level: 1.3,
+        },
+        ..BuildParams::THESIS
+    };
+
+    /// The parameters of pbrt-v4's kd-tree [PBRT4]: [`BuildParams::PBRT3`] with an intersection
+    /// cost of 5.
+    pub const PBRT4: BuildParams = BuildParams {
+        intersection_cost: 5.0,
+        ..BuildParams::PBRT3
+    };
+
     /// The deepest leaf that a tree may have, whatever the parameters: a query's stack has one
     /// entry a level.
     pub const MAX_DEPTH: u32 = 120;
@@ -277,6 +297,19 @@ mod tests {
             DepthLimit::Fixed(9999).for_triangles(8),
             BuildParams::MAX_DEPTH
         );
+    }
+
+    #[test]
+    fn pbrts_kd_trees_have_pbrts_costs_and_depths() {
+        for (params, intersection_cost) in [(BuildParams::PBRT3, 80.0), (BuildParams::PBRT4, 5.0)] {
+            assert_eq!(params.intersection_cost, intersection_cost);
+            assert_eq!((params.kd_traversal_cost, params.empty_bonus), (1.0, 0.5));
+            assert_eq!((params.max_prims, params.ties), (1, Ties::AsPublished));
+            // 8 + 1.3 · 15 = 27.5, and half a level is rounded up.
+            let depths = [1, 8_316, 33_264].map(|n| params.max_depth.for_triangles(n));
+            assert_eq!(depths, [8, 25, 28]);
+            assert!(params.check().is_ok());
+        }
     }
 
     #[test]

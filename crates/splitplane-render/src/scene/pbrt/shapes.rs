@@ -28,11 +28,12 @@ const SEGMENTS: u32 = 128;
 const SEGMENTS_OF_LIGHTS: u32 = 48;
 
 /// The triangles that a Shape directive gives; `None` where its kind is not supported or its file
-/// is not there, which is warned about.
+/// is not there, which is warned about. `subdivision_levels` go before those of the file.
 pub(crate) fn shape(
     s: &Sources,
     d: &Directive,
     shines: bool,
+    subdivision_levels: Option<u32>,
     notes: &mut Notes,
     find: &dyn Fn(&str, Span) -> Option<PathBuf>,
 ) -> Result<Option<Source>, SceneError> {
@@ -43,10 +44,18 @@ pub(crate) fn shape(
         "loopsubdiv" => {
             d.params.ignore(&["scheme"]);
             let (positions, triangles) = positions_and_triangles(s, d)?;
-            let levels = match d.params.integer_in(s, "levels", 0..=16)? {
+            let own = match d.params.integer_in(s, "levels", 0..=16)? {
                 Some(levels) => levels,
                 None => d.params.integer_in(s, "nlevels", 0..=16)?.unwrap_or(3),
             };
+            let levels = subdivision_levels.unwrap_or(own);
+            if levels != own {
+                notes.warn(
+                    "subdivision levels",
+                    || s.place(d.span),
+                    format!("subdivided to level {levels}, as asked for, not {own}"),
+                );
+            }
             match loop_subdivide(&positions, &triangles, levels) {
                 Ok(geometry) => geometry,
                 Err(reason) => {

@@ -78,6 +78,8 @@ struct World<'a> {
     materials: Vec<Material>,
     lights: Vec<Light>,
     coordinate_systems: HashMap<String, Transform>,
+    /// In place of what the file says; see [`LoadOptions`].
+    subdivision_levels: Option<u32>,
 }
 
 /// Reads the pbrt-v3 scene at `path`.
@@ -117,6 +119,7 @@ pub(crate) fn load(path: &Path, name: &str, options: &LoadOptions) -> Result<Sce
         materials: vec![matte],
         lights: Vec::new(),
         coordinate_systems: HashMap::new(),
+        subdivision_levels: options.subdivision_levels,
     };
     while let Some(directive) = world.parser.next()? {
         if world.ended {
@@ -542,7 +545,8 @@ impl World<'_> {
         let shines = self.state.area_light.is_some();
         let parser = &self.parser;
         let find = |name: &str, span: Span| parser.find(name, span);
-        let source = shapes::shape(&parser.sources, d, shines, &mut self.notes, &find)?;
+        let levels = self.subdivision_levels;
+        let source = shapes::shape(&parser.sources, d, shines, levels, &mut self.notes, &find)?;
         let Some(source) = source else {
             return Ok(());
         };
