@@ -265,3 +265,36 @@ fn reversed_shapes_have_reversed_shading_normals() {
     close(scene.normals[3], [0.0, 0.0, 1.0]);
     assert!(!scene.shapes[0].flip_normals && !scene.shapes[1].flip_normals);
 }
+
+#[test]
+fn levels_of_subdivision_that_are_asked_for_go_before_the_files() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("ball.pbrt");
+    let world = "Shape \"loopsubdiv\" \"integer levels\" 2 \"integer indices\" [0 1 2 0 3 1 0 2 3 1 3 2] \
+                 \"point P\" [1 1 1 1 -1 -1 -1 1 -1 -1 -1 1]";
+    std::fs::write(&path, format!("WorldBegin\n{world}\nWorldEnd\n")).unwrap();
+    let read = |subdivision_levels| {
+        let options = LoadOptions {
+            subdivision_levels,
+            ..LoadOptions::default()
+        };
+        load(&path.to_string_lossy(), &options).unwrap()
+    };
+    for (levels, triangles, warnings) in [
+        (None, 64, 0),
+        (Some(2), 64, 0),
+        (Some(0), 4, 1),
+        (Some(3), 256, 1),
+    ] {
+        let scene = read(levels);
+        assert_eq!(scene.mesh.triangles().len(), triangles);
+        let warned = scene.notes.iter().filter(|note| note.warning).count();
+        assert_eq!(warned, warnings, "{:?}", scene.notes);
+    }
+    // The control mesh has its limit positions: those of the tetrahedron's corners, of which each
+    // has three neighbours, lie at 1 - 3 · 1/5 · (1 + 1/3) = 1/5 of theirs [PBRT3, 3.8].
+    let scene = read(Some(0));
+    for p in scene.mesh.positions() {
+        assert!(p.iter().all(|c| (c.abs() - 0.2).abs() < 1e-6), "{p:?}");
+    }
+}

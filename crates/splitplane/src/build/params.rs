@@ -44,7 +44,8 @@ pub enum Ties {
     /// its sides go to both children; at each offset both sides are tried.
     AsPublished,
     /// A triangle belongs to a side only where it reaches more than a tolerance (10⁻⁶ of the
-    /// scene's diagonal) into it; one that lies in the plane goes below.
+    /// scene's diagonal) into it; those that lie in the plane go to the one side where they cost
+    /// less.
     Tolerant,
 }
 

@@ -1,6 +1,6 @@
 //! Finding the best plane along one direction: sort the events, sweep, count [WaldHavran2006].
 
-use super::ties::{Boundary, Touching, is_flat};
+use super::ties::{Boundary, Side, Touching, is_flat};
 use crate::geometry::polytope::Profile;
 
 /// The best plane of a sweep.
@@ -41,8 +41,10 @@ pub(crate) struct Events {
     starts: Vec<f32>,
     /// Where they end.
     ends: Vec<f32>,
-    /// Where the flat ones end; these are not among `starts`. Empty unless ties are tolerated.
-    flats: Vec<f32>,
+    /// Where the flat ones start; these are not among `starts`. Empty unless ties are tolerated.
+    flat_starts: Vec<f32>,
+    /// Where the flat ones end.
+    flat_ends: Vec<f32>,
 }
 
 impl Events {
@@ -54,15 +56,24 @@ impl Events {
     ) {
         self.starts.clear();
         self.ends.clear();
-        self.flats.clear();
+        self.flat_starts.clear();
+        self.flat_ends.clear();
         for (min, max) in extents {
             match tolerance {
-                Some(tolerance) if is_flat((min, max), tolerance) => self.flats.push(max),
+                Some(tolerance) if is_flat((min, max), tolerance) => {
+                    self.flat_starts.push(min);
+                    self.flat_ends.push(max);
+                }
                 _ => self.starts.push(min),
             }
             self.ends.push(max);
         }
-        for list in [&mut self.starts, &mut self.ends, &mut self.flats] {
+        for list in [
+            &mut self.starts,
+            &mut self.ends,
+            &mut self.flat_starts,
+            &mut self.flat_ends,
+        ] {
             list.sort_unstable_by(f32::total_cmp);
         }
     }
@@ -125,11 +136,12 @@ impl Events {
         candidates
     }
 
+    /// At each offset two planes differ where triangles lie in it: they are all below or all above.
     fn sweep_tolerant(&self, tolerance: f32, search: &mut Search) -> u64 {
         let n = self.ends.len();
         // Two positions in each list: the next candidate, and the first that is not yet passed.
         let (mut next_start, mut next_end) = (0, 0);
-        let (mut started, mut ended, mut flat) = (0, 0, 0);
+        let (mut started, mut ended, mut flat_started, mut flat_ended) = (0, 0, 0, 0);
         let mut candidates = 0;
         loop {
             let t = match (self.starts.get(next_start), self.ends.get(next_end)) {
@@ -145,29 +157,27 @@ impl Events {
                 continue;
             }
             candidates += (starting + ending) as u64;
-            while self
-                .starts
-                .get(started)
-                .is_some_and(|&min| min + tolerance < t)
-            {
-                started += 1;
+            let is_below = |min: f32| min + tolerance < t;
+            let is_not_above = |max: f32| max - tolerance <= t;
+            pass(&self.starts, &mut started, is_below);
+            pass(&self.ends, &mut ended, is_not_above);
+            pass(&self.flat_starts, &mut flat_started, is_below);
+            pass(&self.flat_ends, &mut flat_ended, is_not_above);
+            let touching = |flat| Touching::Tolerated { tolerance, flat };
+            let (below, above) = (started + flat_ended, n - ended);
+            search.consider(t, touching(Side::Below), below, above);
+            let held = flat_ended - flat_started;
+            if held > 0 {
+                search.consider(t, touching(Side::Above), below - held, above + held);
             }
-            while self
-                .ends
-                .get(ended)
-                .is_some_and(|&max| max - tolerance <= t)
-            {
-                ended += 1;
-            }
-            while self
-                .flats
-                .get(flat)
-                .is_some_and(|&max| max - tolerance <= t)
-            {
-                flat += 1;
-            }
-            search.consider(t, Touching::Tolerated(tolerance), started + flat, n - ended);
         }
+    }
+}
+
+/// Moves a position in a list past the values that are `passed`.
+fn pass(values: &[f32], position: &mut usize, passed: impl Fn(f32) -> bool) {
+    while values.get(*position).is_some_and(|&value| passed(value)) {
+        *position += 1;
     }
 }
 
@@ -248,7 +258,7 @@ mod tests {
                 }
                 inside += 1;
                 let rules = match tolerance {
-                    Some(tolerance) => vec![Touching::Tolerated(tolerance)],
+                    Some(tolerance) => [Side::Below, Side::Above].map(|flat| Touching::Tolerated { tolerance, flat }).to_vec(),
                     None => vec![Touching::Above, Touching::Below],
                 };
                 for touching in rules {

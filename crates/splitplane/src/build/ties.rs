@@ -16,8 +16,19 @@ pub(crate) enum Touching {
     Below,
     /// They are on both sides.
     Both,
-    /// They are where they reach further than this.
-    Tolerated(f32),
+    /// They are where they reach further than the tolerance.
+    Tolerated {
+        tolerance: f32,
+        /// Where those are that are too flat to reach further on either side.
+        flat: Side,
+    },
+}
+
+/// A side of a plane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Side {
+    Below,
+    Above,
 }
 
 impl Boundary {
@@ -30,13 +41,25 @@ impl Boundary {
             Touching::Above => (min < t, max >= t),
             Touching::Below => (min <= t, max > t),
             Touching::Both => (min <= t, max >= t),
-            Touching::Tolerated(tolerance) => {
-                let above = max - tolerance > t;
-                match is_flat((min, max), tolerance) {
-                    true => (!above, above),
-                    false => (min + tolerance < t, above),
+            Touching::Tolerated { tolerance, flat } => {
+                let (below, above) = (min + tolerance < t, max - tolerance > t);
+                match (is_flat((min, max), tolerance), flat) {
+                    (false, _) => (below, above),
+                    (true, Side::Below) => (!above, above),
+                    (true, Side::Above) => (below, !below),
                 }
             }
+        }
+    }
+
+    /// Whether a triangle of this extent lies in the plane: it is on the side that
+    /// [`Touching::Tolerated`] names.
+    #[inline(always)]
+    pub(crate) fn holds(&self, (min, max): (f32, f32)) -> bool {
+        let t = self.offset;
+        match self.touching {
+            Touching::Tolerated { tolerance, .. } => max - tolerance <= t && t <= min + tolerance,
+            _ => false,
         }
     }
 }
@@ -66,8 +89,14 @@ mod tests {
             let max = min + length;
             let offset = [offset, min, max, min + tolerance][on];
             prop_assume!(!offset.is_nan());
-            for touching in [Touching::Above, Touching::Below, Touching::Both, Touching::Tolerated(tolerance)] {
-                let (below, above) = Boundary { offset, touching }.sides((min, max));
+            let tolerated = |flat| Touching::Tolerated { tolerance, flat };
+            let all = [Touching::Above, Touching::Below, Touching::Both, tolerated(Side::Below), tolerated(Side::Above)];
+            for touching in all {
+                let boundary = Boundary { offset, touching };
+                let (below, above) = boundary.sides((min, max));
+                if boundary.holds((min, max)) {
+                    prop_assert_eq!((below, above), (touching == all[3], touching == all[4]));
+                }
                 prop_assert!(below || above, "{touching:?}");
                 if min == max && touching != Touching::Both {
                     prop_assert!(below != above, "{touching:?}");

@@ -5,7 +5,7 @@ use glam::{DVec3, Vec3};
 
 use super::params::Ties;
 use super::sweep::Best;
-use super::ties::{Boundary, Touching};
+use super::ties::{Boundary, Side, Touching};
 use crate::directions::canonical;
 use crate::geometry::Aabb;
 use crate::geometry::polytope::Polytope;
@@ -72,14 +72,14 @@ impl Counter {
         }
     }
 
-    /// How many triangles are below the plane, and how many above: exactly as
-    /// [`Boundary::sides`] has it.
-    pub(crate) fn count(&self, normal: [f32; 3], boundary: Boundary) -> (usize, usize) {
+    /// How many triangles are below the plane and how many above, exactly as [`Boundary::sides`]
+    /// has it, and how many of them it [holds](Boundary::holds).
+    pub(crate) fn count(&self, normal: [f32; 3], boundary: Boundary) -> (usize, usize, usize) {
         let t = f64::from(boundary.offset);
         let n = Vec3::from(normal).as_dvec3();
         // What is further from the plane than this is on its side only, however it is rounded.
         let slack = self.slack;
-        let (mut below, mut above) = (0, 0);
+        let (mut below, mut above, mut held) = (0, 0, 0);
         let mut pending = vec![0];
         while let Some(at) = pending.pop() {
             let node = &self.nodes[at];
@@ -92,7 +92,9 @@ impl Counter {
                 above += node.triangles.len();
             } else if node.second == 0 {
                 for corners in &self.corners[node.triangles.clone()] {
-                    let sides = boundary.sides(self.ties.extent(normal, corners));
+                    let extent = self.ties.extent(normal, corners);
+                    let sides = boundary.sides(extent);
+                    held += usize::from(boundary.holds(extent));
                     below += usize::from(sides.0);
                     above += usize::from(sides.1);
                 }
@@ -100,7 +102,7 @@ impl Counter {
                 pending.extend([node.second, at + 1]);
             }
         }
-        (below, above)
+        (below, above, held)
     }
 }
 
@@ -144,17 +146,33 @@ pub(crate) fn price(
 ) -> Option<Best> {
     let boundary = Boundary {
         offset: counter.ties.project(candidate.normal, candidate.through),
-        touching: tolerance.map_or(Touching::Both, Touching::Tolerated),
+        touching: tolerance.map_or(Touching::Both, |tolerance| touching(tolerance, Side::Below)),
     };
     let direction: DVec3 = Vec3::from(candidate.normal).as_dvec3();
     let (surface, cap) = cell.areas_at(direction, f64::from(boundary.offset), heights)?;
-    let (below, above) = counter.count(candidate.normal, boundary);
+    let (below, above, held) = counter.count(candidate.normal, boundary);
     let surface = surface.clamp(0.0, cell_area);
     let areas = (
         (surface + cap) / cell_area,
         (cell_area - surface + cap) / cell_area,
     );
-    Some(Best::price(boundary, areas, below, above, empty_bonus))
+    let best = Best::price(boundary, areas, below, above, empty_bonus);
+    let Some(tolerance) = tolerance.filter(|_| held > 0) else {
+        return Some(best);
+    };
+    let boundary = Boundary {
+        touching: touching(tolerance, Side::Above),
+        ..boundary
+    };
+    let other = Best::price(boundary, areas, below - held, above + held, empty_bonus);
+    Some(match other.expected_tests < best.expected_tests {
+        true => other,
+        false => best,
+    })
+}
+
+fn touching(tolerance: f32, flat: Side) -> Touching {
+    Touching::Tolerated { tolerance, flat }
 }
 
 #[cfg(test)]
@@ -172,7 +190,7 @@ mod tests {
             tolerant in any::<bool>(),
         ) {
             let ties = if tolerant { Ties::Tolerant } else { Ties::AsPublished };
-            let touching = if tolerant { Touching::Tolerated(1e-3) } else { Touching::Both };
+            let touching = if tolerant { touching(1e-3, Side::Below) } else { Touching::Both };
             let counter = Counter::new(corners.clone(), ties, 2e-3);
             for candidate in candidates(&corners[of % corners.len()]) {
                 let boundary = Boundary { offset: ties.project(candidate.normal, candidate.through), touching };
@@ -182,7 +200,11 @@ mod tests {
                     .collect();
                 let below = sides.iter().filter(|s| s.0).count();
                 let above = sides.iter().filter(|s| s.1).count();
-                prop_assert_eq!(counter.count(candidate.normal, boundary), (below, above));
+                let held = corners
+                    .iter()
+                    .filter(|corners| boundary.holds(ties.extent(candidate.normal, corners)))
+                    .count();
+                prop_assert_eq!(counter.count(candidate.normal, boundary), (below, above, held));
             }
         }
     }
