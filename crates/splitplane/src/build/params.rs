@@ -97,7 +97,7 @@ impl BuildParams {
         ..BuildParams::THESIS
     };
 
-    /// The parameters of pbrt-v4's kd-tree [PBRT4]: [`BuildParams::PBRT3`] with an intersection
+    /// The parameters of pbrt-v4's kd-tree \[PBRT4\]: [`BuildParams::PBRT3`] with an intersection
     /// cost of 5.
     pub const PBRT4: BuildParams = BuildParams {
         intersection_cost: 5.0,
