@@ -1,5 +1,7 @@
 //! The top-down loop.
 
+use std::collections::HashMap;
+
 use super::cell::Cell;
 use super::cost::{Choice, Contest};
 use super::objects;
@@ -14,6 +16,9 @@ use crate::geometry::polytope::{CutScratch, Polytope, Profile};
 
 /// Subtrees with at least this many triangles are built in parallel.
 pub(super) const PARALLEL_FROM: usize = 4096;
+
+/// In a node of at least this many triangles, equal planes of triangles are priced once.
+const REMEMBER_FROM: usize = 32;
 
 /// A path ends after this many bad refines [PBRT3, 4.4].
 const MAX_BAD_REFINES: u8 = 3;
@@ -332,14 +337,25 @@ impl Builder<'_> {
         heights: &mut Vec<f64>,
     ) -> u64 {
         let ties = self.params.ties;
-        let counter = Counter::new(
-            corners.to_vec(),
-            ties,
-            2.0 * ties.overhang(&self.mesh.bounds()),
-        );
+        let counter = Counter::new(corners.to_vec(), ties, ties.overhang(&self.mesh.bounds()));
         let area = cell.surface_area();
         let mut entered = 0;
+        // Triangles of one plane, and neighbours, give the same candidates again and again: whether
+        // each passed through the cell.
+        let mut known = HashMap::new();
         for candidate in corners.iter().flat_map(triangle_planes::candidates) {
+            let key = (
+                candidate.normal.map(f32::to_bits),
+                counter.offset(&candidate).to_bits(),
+            );
+            if corners.len() >= REMEMBER_FROM
+                && known.get(&key).is_some_and(|&inside| {
+                    entered += u64::from(inside);
+                    true
+                })
+            {
+                continue;
+            }
             let bonus = self.params.empty_bonus;
             let priced = triangle_planes::price(
                 &candidate,
@@ -350,6 +366,9 @@ impl Builder<'_> {
                 bonus,
                 heights,
             );
+            if corners.len() >= REMEMBER_FROM {
+                known.insert(key, priced.is_some());
+            }
             if let Some(best) = priced {
                 entered += 1;
                 let origin = if candidate.is_edge {

@@ -46,7 +46,7 @@ pub(crate) fn candidates(corners: &[[f32; 3]; 3]) -> impl Iterator<Item = Candid
 /// Counts how many of a node's triangles are on either side of a plane.
 pub(crate) struct Counter {
     ties: Ties,
-    slack: f64,
+    overhang: f64,
     /// The triangles, in the order of the BVH's leaves.
     corners: Vec<[[f32; 3]; 3]>,
     nodes: Vec<BvhNode>,
@@ -61,15 +61,21 @@ struct BvhNode {
 }
 
 impl Counter {
-    pub(crate) fn new(mut corners: Vec<[[f32; 3]; 3]>, ties: Ties, slack: f64) -> Self {
+    /// `overhang` is that of the ties, or more.
+    pub(crate) fn new(mut corners: Vec<[[f32; 3]; 3]>, ties: Ties, overhang: f64) -> Self {
         let mut nodes = Vec::new();
         split(&mut corners, 0, &mut nodes);
         Counter {
             ties,
-            slack,
+            overhang,
             corners,
             nodes,
         }
+    }
+
+    /// Where the plane of a candidate is along its normal.
+    pub(crate) fn offset(&self, candidate: &Candidate) -> f32 {
+        self.ties.project(candidate.normal, candidate.through)
     }
 
     /// How many triangles are below the plane and how many above, exactly as [`Boundary::sides`]
@@ -78,18 +84,32 @@ impl Counter {
         let t = f64::from(boundary.offset);
         let n = Vec3::from(normal).as_dvec3();
         // What is further from the plane than this is on its side only, however it is rounded.
-        let slack = self.slack;
+        let slack = 2.0 * self.overhang;
+        // What is nearer than this lies in the plane, however it is rounded.
+        let (within, flat) = match boundary.touching {
+            Touching::Tolerated { tolerance, flat } => {
+                (2.0 * f64::from(tolerance) - self.overhang, flat)
+            }
+            _ => (f64::NEG_INFINITY, Side::Below),
+        };
         let (mut below, mut above, mut held) = (0, 0, 0);
         let mut pending = vec![0];
         while let Some(at) = pending.pop() {
             let node = &self.nodes[at];
             let [low, high] = [node.bounds.min, node.bounds.max].map(|p| Vec3::from(p).as_dvec3());
             let center = n.dot(0.5 * (low + high));
-            let radius = n.abs().dot(0.5 * (high - low)) + slack;
-            if center + radius < t {
-                below += node.triangles.len();
-            } else if center - radius > t {
-                above += node.triangles.len();
+            let radius = n.abs().dot(0.5 * (high - low));
+            let count = node.triangles.len();
+            if center + radius + slack < t {
+                below += count;
+            } else if center - radius - slack > t {
+                above += count;
+            } else if (center - t).abs() + radius <= within {
+                held += count;
+                *(match flat {
+                    Side::Below => &mut below,
+                    Side::Above => &mut above,
+                }) += count;
             } else if node.second == 0 {
                 for corners in &self.corners[node.triangles.clone()] {
                     let extent = self.ties.extent(normal, corners);
@@ -145,7 +165,7 @@ pub(crate) fn price(
     heights: &mut Vec<f64>,
 ) -> Option<Best> {
     let boundary = Boundary {
-        offset: counter.ties.project(candidate.normal, candidate.through),
+        offset: counter.offset(candidate),
         touching: tolerance.map_or(Touching::Both, |tolerance| touching(tolerance, Side::Below)),
     };
     let direction: DVec3 = Vec3::from(candidate.normal).as_dvec3();
@@ -185,13 +205,17 @@ mod tests {
 
         #[test]
         fn the_bvh_counts_as_the_predicate_does(
-            corners in prop::collection::vec(prop::array::uniform3(prop::array::uniform3(-1.0f32..1.0)), 1..100),
+            mut corners in prop::collection::vec(prop::array::uniform3(prop::array::uniform3(-1.0f32..1.0)), 1..100),
             of in 0usize..100,
             tolerant in any::<bool>(),
+            in_a_plane in any::<bool>(),
         ) {
+            if in_a_plane {
+                corners.iter_mut().flatten().for_each(|p| p[2] = 0.25);
+            }
             let ties = if tolerant { Ties::Tolerant } else { Ties::AsPublished };
             let touching = if tolerant { touching(1e-3, Side::Below) } else { Touching::Both };
-            let counter = Counter::new(corners.clone(), ties, 2e-3);
+            let counter = Counter::new(corners.clone(), ties, 1.001e-3);
             for candidate in candidates(&corners[of % corners.len()]) {
                 let boundary = Boundary { offset: ties.project(candidate.normal, candidate.through), touching };
                 let sides: Vec<_> = corners
