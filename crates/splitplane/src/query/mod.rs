@@ -1,5 +1,6 @@
 //! Rays against a tree.
 
+mod all_hits;
 mod traverse;
 
 use std::ops::ControlFlow;
@@ -7,6 +8,7 @@ use std::ops::ControlFlow;
 use crate::geometry::triangle::Shear;
 use crate::geometry::{Mesh, Ray};
 use crate::tree::{Tree, with_nodes};
+pub(crate) use all_hits::all_hits;
 pub(crate) use traverse::Place;
 use traverse::{Search, traverse};
 
@@ -107,14 +109,37 @@ impl std::ops::Sub for Counts {
     }
 }
 
-struct Closest<'a> {
+/// The nearest of the hits that `accept` takes.
+struct Closest<'a, F> {
     mesh: &'a Mesh,
     shear: Shear,
     t_min: f32,
     best: Hit,
+    accept: F,
 }
 
-impl Search for Closest<'_> {
+impl<'a, F: Fn(&Hit) -> bool> Closest<'a, F> {
+    fn new(mesh: &'a Mesh, ray: &Ray, accept: F) -> Self {
+        Closest {
+            mesh,
+            shear: Shear::of(ray),
+            t_min: ray.t_min,
+            best: Hit {
+                t: ray.t_max,
+                u: 0.0,
+                v: 0.0,
+                triangle: NONE,
+            },
+            accept,
+        }
+    }
+
+    fn found(&self) -> Option<Hit> {
+        (self.best.triangle != NONE).then_some(self.best)
+    }
+}
+
+impl<F: Fn(&Hit) -> bool> Search for Closest<'_, F> {
     #[inline(always)]
     fn limit(&self) -> f64 {
         f64::from(self.best.t)
@@ -127,6 +152,7 @@ impl Search for Closest<'_> {
             && hit.t > self.t_min
             && (hit.t < self.best.t || hit.t == self.best.t && triangle < self.best.triangle)
             && self.shear.meets_plane_beyond(self.t_min, &corners)
+            && (self.accept)(&hit)
         {
             self.best = hit;
         }
@@ -134,15 +160,17 @@ impl Search for Closest<'_> {
     }
 }
 
-struct Any<'a> {
+/// Whether there is a hit that `accept` takes.
+struct Any<'a, F> {
     mesh: &'a Mesh,
     shear: Shear,
     t_min: f32,
     t_max: f32,
     found: bool,
+    accept: F,
 }
 
-impl Search for Any<'_> {
+impl<F: Fn(&Hit) -> bool> Search for Any<'_, F> {
     #[inline(always)]
     fn limit(&self) -> f64 {
         f64::from(self.t_max)
@@ -155,6 +183,7 @@ impl Search for Any<'_> {
             && hit.t > self.t_min
             && hit.t <= self.t_max
             && self.shear.meets_plane_beyond(self.t_min, &corners)
+            && (self.accept)(&hit)
         {
             self.found = true;
             return ControlFlow::Break(());
@@ -166,29 +195,30 @@ impl Search for Any<'_> {
 /// No triangle has this index: see [`Mesh::MAX_COUNT`].
 const NONE: u32 = u32::MAX;
 
-pub(crate) fn closest_hit(tree: &Tree, ray: &Ray, counters: &mut impl Counters) -> Option<Hit> {
-    let mut search = Closest {
-        mesh: tree.mesh(),
-        shear: Shear::of(ray),
-        t_min: ray.t_min,
-        best: Hit {
-            t: ray.t_max,
-            u: 0.0,
-            v: 0.0,
-            triangle: NONE,
-        },
-    };
+pub(crate) fn closest_hit(
+    tree: &Tree,
+    ray: &Ray,
+    accept: impl Fn(&Hit) -> bool,
+    counters: &mut impl Counters,
+) -> Option<Hit> {
+    let mut search = Closest::new(tree.mesh(), ray, accept);
     run(tree, ray, &mut search, counters);
-    (search.best.triangle != NONE).then_some(search.best)
+    search.found()
 }
 
-pub(crate) fn any_hit(tree: &Tree, ray: &Ray, counters: &mut impl Counters) -> bool {
+pub(crate) fn any_hit(
+    tree: &Tree,
+    ray: &Ray,
+    accept: impl Fn(&Hit) -> bool,
+    counters: &mut impl Counters,
+) -> bool {
     let mut search = Any {
         mesh: tree.mesh(),
         shear: Shear::of(ray),
         t_min: ray.t_min,
         t_max: ray.t_max,
         found: false,
+        accept,
     };
     run(tree, ray, &mut search, counters);
     search.found
@@ -209,21 +239,11 @@ mod tests {
 
     /// Every triangle tested, without a tree and without a box.
     fn test_all(mesh: &Mesh, ray: &Ray) -> Option<Hit> {
-        let mut search = Closest {
-            mesh,
-            shear: Shear::of(ray),
-            t_min: ray.t_min,
-            best: Hit {
-                t: ray.t_max,
-                u: 0.0,
-                v: 0.0,
-                triangle: NONE,
-            },
-        };
+        let mut search = Closest::new(mesh, ray, |_| true);
         for &triangle in mesh.usable_triangles() {
             let _ = search.test(triangle);
         }
-        (search.best.triangle != NONE).then_some(search.best)
+        search.found()
     }
 
     fn coordinate() -> impl Strategy<Value = f32> {
@@ -258,6 +278,7 @@ mod tests {
             let mesh = Mesh::new(positions, triangles).unwrap();
             let ties = if tolerant { crate::Ties::Tolerant } else { crate::Ties::AsPublished };
             let params = BuildParams { ties, ..BuildParams::THESIS };
+            let mut hits = Vec::new();
             for spec in TREES {
                 let choice = TreeChoice::new(spec.name, None).unwrap();
                 let tree = Tree::build(&mesh, choice, &params).unwrap();
@@ -268,6 +289,14 @@ mod tests {
                     let (found, all) = (tree.closest_hit(&ray, &mut ()), test_all(&mesh, &ray));
                     prop_assert_eq!(found, all, "{} {:?}", choice, ray);
                     prop_assert_eq!(tree.any_hit(&ray, &mut ()), all.is_some());
+                    let all = all_hits::test_all(&mesh, &ray);
+                    tree.all_hits(&ray, &mut hits, &mut ());
+                    prop_assert_eq!(&hits, &all, "{} {:?}", choice, ray);
+                    // The second of all hits is the nearest without the first.
+                    let others = |hit: &Hit| Some(hit.triangle) != all.first().map(|hit| hit.triangle);
+                    let second = tree.closest_hit_where(&ray, others, &mut ());
+                    prop_assert_eq!(second, all.get(1).copied(), "{} {:?}", choice, ray);
+                    prop_assert_eq!(tree.any_hit_where(&ray, others, &mut ()), second.is_some());
                 }
             }
         }
