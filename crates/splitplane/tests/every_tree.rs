@@ -199,6 +199,43 @@ fn every_tree_gives_the_hits_of_brute_force_bit_for_bit() {
 }
 
 #[test]
+fn every_tree_gives_all_hits_of_brute_force_and_those_that_a_filter_takes() {
+    let odd = |hit: &Hit| hit.triangle % 2 == 1 && hit.u < 0.5;
+    for (scene, mesh) in scenes() {
+        let brute = brute_force(&mesh);
+        let rays = rays(&mesh);
+        let all = |tree: &Tree, ray: &Ray| {
+            let mut hits = vec![];
+            tree.all_hits(ray, &mut hits, &mut ());
+            hits
+        };
+        let expected: Vec<Vec<Hit>> = rays.iter().map(|ray| all(&brute, ray)).collect();
+        for (ray, hits) in rays.iter().zip(&expected) {
+            assert!(hits.is_sorted_by(|a, b| (a.t, a.triangle) < (b.t, b.triangle)));
+            assert_eq!(hits.first().copied(), brute.closest_hit(ray, &mut ()));
+        }
+        for choice in choices() {
+            for params in params() {
+                let tree = Tree::build(&mesh, choice, &params).unwrap();
+                for (ray, expected) in rays.iter().zip(&expected) {
+                    assert_eq!(&all(&tree, ray), expected, "{choice} on {scene}: {ray:?}");
+                    let mut taken: Vec<Hit> = expected.iter().copied().filter(odd).collect();
+                    let first = tree.closest_hit_where(ray, odd, &mut ());
+                    assert_eq!(
+                        first,
+                        taken.first().copied(),
+                        "{choice} on {scene}: {ray:?}"
+                    );
+                    assert_eq!(tree.any_hit_where(ray, odd, &mut ()), first.is_some());
+                    tree.all_hits_where(ray, odd, &mut taken, &mut ());
+                    assert!(taken.iter().eq(expected.iter().filter(|hit| odd(hit))));
+                }
+            }
+        }
+    }
+}
+
+#[test]
 fn every_tree_keeps_its_promises() {
     for (scene, mesh) in scenes() {
         for choice in choices() {

@@ -1,5 +1,6 @@
 //! Rays against a tree.
 
+mod all_hits;
 mod simd;
 mod traverse;
 mod wide;
@@ -9,6 +10,7 @@ use std::ops::ControlFlow;
 use crate::geometry::Ray;
 use crate::geometry::triangle::Shear;
 use crate::tree::{Tree, with_nodes};
+pub(crate) use all_hits::all_hits;
 pub(crate) use traverse::Place;
 use traverse::{Search, traverse};
 
@@ -120,13 +122,35 @@ impl std::ops::Sub for Counts {
     }
 }
 
-struct Closest {
+/// The nearest of the hits that `accept` takes.
+struct Closest<F> {
     shear: Shear,
     t_min: f32,
     best: Hit,
+    accept: F,
 }
 
-impl Search for Closest {
+impl<F: Fn(&Hit) -> bool> Closest<F> {
+    fn new(ray: &Ray, accept: F) -> Self {
+        Closest {
+            shear: Shear::of(ray),
+            t_min: ray.t_min,
+            best: Hit {
+                t: ray.t_max,
+                u: 0.0,
+                v: 0.0,
+                triangle: NONE,
+            },
+            accept,
+        }
+    }
+
+    fn found(&self) -> Option<Hit> {
+        (self.best.triangle != NONE).then_some(self.best)
+    }
+}
+
+impl<F: Fn(&Hit) -> bool> Search for Closest<F> {
     const NEAREST_FIRST: bool = true;
 
     #[inline(always)]
@@ -140,6 +164,7 @@ impl Search for Closest {
             && hit.t > self.t_min
             && (hit.t < self.best.t || hit.t == self.best.t && triangle < self.best.triangle)
             && self.shear.meets_plane_beyond(self.t_min, corners)
+            && (self.accept)(&hit)
         {
             self.best = hit;
         }
@@ -147,14 +172,16 @@ impl Search for Closest {
     }
 }
 
-struct Any {
+/// Whether there is a hit that `accept` takes.
+struct Any<F> {
     shear: Shear,
     t_min: f32,
     t_max: f32,
     found: bool,
+    accept: F,
 }
 
-impl Search for Any {
+impl<F: Fn(&Hit) -> bool> Search for Any<F> {
     const NEAREST_FIRST: bool = false;
 
     #[inline(always)]
@@ -168,6 +195,7 @@ impl Search for Any {
             && hit.t > self.t_min
             && hit.t <= self.t_max
             && self.shear.meets_plane_beyond(self.t_min, corners)
+            && (self.accept)(&hit)
         {
             self.found = true;
             return ControlFlow::Break(());
@@ -179,27 +207,29 @@ impl Search for Any {
 /// No triangle has this index: see [`Mesh::MAX_COUNT`].
 const NONE: u32 = u32::MAX;
 
-pub(crate) fn closest_hit(tree: &Tree, ray: &Ray, counters: &mut impl Counters) -> Option<Hit> {
-    let mut search = Closest {
-        shear: Shear::of(ray),
-        t_min: ray.t_min,
-        best: Hit {
-            t: ray.t_max,
-            u: 0.0,
-            v: 0.0,
-            triangle: NONE,
-        },
-    };
+pub(crate) fn closest_hit(
+    tree: &Tree,
+    ray: &Ray,
+    accept: impl Fn(&Hit) -> bool,
+    counters: &mut impl Counters,
+) -> Option<Hit> {
+    let mut search = Closest::new(ray, accept);
     run(tree, ray, &mut search, counters);
-    (search.best.triangle != NONE).then_some(search.best)
+    search.found()
 }
 
-pub(crate) fn any_hit(tree: &Tree, ray: &Ray, counters: &mut impl Counters) -> bool {
+pub(crate) fn any_hit(
+    tree: &Tree,
+    ray: &Ray,
+    accept: impl Fn(&Hit) -> bool,
+    counters: &mut impl Counters,
+) -> bool {
     let mut search = Any {
         shear: Shear::of(ray),
         t_min: ray.t_min,
         t_max: ray.t_max,
         found: false,
+        accept,
     };
     run(tree, ray, &mut search, counters);
     search.found
@@ -223,20 +253,11 @@ mod tests {
 
     /// Every triangle tested, without a tree and without a box.
     fn test_all(mesh: &Mesh, ray: &Ray) -> Option<Hit> {
-        let mut search = Closest {
-            shear: Shear::of(ray),
-            t_min: ray.t_min,
-            best: Hit {
-                t: ray.t_max,
-                u: 0.0,
-                v: 0.0,
-                triangle: NONE,
-            },
-        };
+        let mut search = Closest::new(ray, |_| true);
         for &triangle in mesh.usable_triangles() {
             let _ = search.test(triangle, &mesh.corners(triangle));
         }
-        (search.best.triangle != NONE).then_some(search.best)
+        search.found()
     }
 
     fn coordinate() -> impl Strategy<Value = f32> {
@@ -271,6 +292,7 @@ mod tests {
             let mesh = Mesh::new(positions, triangles).unwrap();
             let ties = if tolerant { crate::Ties::Tolerant } else { crate::Ties::AsPublished };
             let params = BuildParams { ties, ..BuildParams::THESIS };
+            let mut hits = Vec::new();
             for spec in TREES {
                 let choice = TreeChoice::new(spec.name, None).unwrap();
                 let binary = Tree::build(&mesh, choice, &params).unwrap();
@@ -279,11 +301,19 @@ mod tests {
                     let origin = move_away(origin.map(|c| c * origin_scale));
                     let target = move_away(target);
                     let ray = Ray::new(origin, std::array::from_fn(|i| target[i] - origin[i]));
-                    let all = test_all(&mesh, &ray);
+                    let nearest = test_all(&mesh, &ray);
+                    let all = all_hits::test_all(&mesh, &ray);
+                    // The second of all hits is the nearest without the first.
+                    let others = |hit: &Hit| Some(hit.triangle) != all.first().map(|hit| hit.triangle);
                     for tree in [&binary, &wide] {
                         let found = tree.closest_hit(&ray, &mut ());
-                        prop_assert_eq!(found, all, "{} {} {:?}", choice, tree.layout(), ray);
-                        prop_assert_eq!(tree.any_hit(&ray, &mut ()), all.is_some());
+                        prop_assert_eq!(found, nearest, "{} {} {:?}", choice, tree.layout(), ray);
+                        prop_assert_eq!(tree.any_hit(&ray, &mut ()), nearest.is_some());
+                        tree.all_hits(&ray, &mut hits, &mut ());
+                        prop_assert_eq!(&hits, &all, "{} {} {:?}", choice, tree.layout(), ray);
+                        let second = tree.closest_hit_where(&ray, others, &mut ());
+                        prop_assert_eq!(second, all.get(1).copied(), "{} {:?}", choice, ray);
+                        prop_assert_eq!(tree.any_hit_where(&ray, others, &mut ()), second.is_some());
                     }
                 }
             }

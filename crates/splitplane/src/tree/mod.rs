@@ -150,6 +150,15 @@ macro_rules! with_nodes {
 pub(crate) use with_nodes;
 
 impl Tree {
+    /// Builds a tree with all defaults over `mesh`: [`TreeChoice::default`] with
+    /// [`BuildParams::default`]. See [`Tree::build`].
+    ///
+    /// # Errors
+    /// A tree too large for its nodes.
+    pub fn new(mesh: &Mesh) -> Result<Tree, BuildError> {
+        Tree::build(mesh, TreeChoice::default(), &BuildParams::default())
+    }
+
     /// Builds the tree that `choice` names over `mesh`, on the threads of the current rayon pool.
     /// The tree is the same, byte by byte, for any number of them.
     ///
@@ -274,12 +283,72 @@ impl Tree {
     /// The answer is that of testing every triangle, bit for bit. What is done on the way is
     /// reported to `counters`; `&mut ()` counts nothing.
     pub fn closest_hit(&self, ray: &Ray, counters: &mut impl Counters) -> Option<Hit> {
-        query::closest_hit(self, ray, counters)
+        query::closest_hit(self, ray, |_| true, counters)
+    }
+
+    /// The nearest hit that `accept` takes: for masks, and for surfaces with holes in their
+    /// texture. See [`Tree::closest_hit`].
+    ///
+    /// `accept` is asked in no particular order, of some hits more than once and of some never; so
+    /// its answer must depend on the hit alone.
+    ///
+    /// ```
+    /// # use splitplane::{Mesh, Ray, Tree};
+    /// # let positions = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    /// # let tree = Tree::new(&Mesh::new(positions, vec![[0, 1, 2]])?)?;
+    /// // Stripes: every other tenth of the triangle is not there.
+    /// let striped = |hit: &splitplane::Hit| (10.0 * hit.u) as u32 % 2 == 0;
+    /// let at = |x| Ray::new([x, 0.25, 1.0], [0.0, 0.0, -1.0]);
+    /// assert!(tree.closest_hit_where(&at(0.25), striped, &mut ()).is_some());
+    /// assert!(tree.closest_hit_where(&at(0.35), striped, &mut ()).is_none());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn closest_hit_where(
+        &self,
+        ray: &Ray,
+        accept: impl Fn(&Hit) -> bool,
+        counters: &mut impl Counters,
+    ) -> Option<Hit> {
+        query::closest_hit(self, ray, accept, counters)
     }
 
     /// Whether anything is hit with `t_min < t <= t_max`. See [`Tree::closest_hit`].
     pub fn any_hit(&self, ray: &Ray, counters: &mut impl Counters) -> bool {
-        query::any_hit(self, ray, counters)
+        query::any_hit(self, ray, |_| true, counters)
+    }
+
+    /// Whether anything is hit that `accept` takes. See [`Tree::closest_hit_where`].
+    pub fn any_hit_where(
+        &self,
+        ray: &Ray,
+        accept: impl Fn(&Hit) -> bool,
+        counters: &mut impl Counters,
+    ) -> bool {
+        query::any_hit(self, ray, accept, counters)
+    }
+
+    /// All hits with `t_min < t <= t_max`, by `t`, then by index, each triangle once. `hits` is
+    /// emptied first; it is not returned, so that its memory serves many rays.
+    ///
+    /// The answer is that of testing every triangle, bit for bit, in one traversal: no hit is lost
+    /// where surfaces lie close to each other or in the same place.
+    ///
+    /// An edge and a vertex belong to every triangle that has them. A ray through a shared edge
+    /// hits each of the triangles that share it, at `t` that agree up to rounding, and never none
+    /// of them; so the number of hits is not a parity.
+    pub fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, counters: &mut impl Counters) {
+        query::all_hits(self, ray, |_| true, hits, counters);
+    }
+
+    /// All hits that `accept` takes. See [`Tree::all_hits`] and [`Tree::closest_hit_where`].
+    pub fn all_hits_where(
+        &self,
+        ray: &Ray,
+        accept: impl Fn(&Hit) -> bool,
+        hits: &mut Vec<Hit>,
+        counters: &mut impl Counters,
+    ) {
+        query::all_hits(self, ray, accept, hits, counters);
     }
 
     pub(crate) fn nodes(&self) -> &Nodes {
