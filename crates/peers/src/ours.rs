@@ -1,7 +1,7 @@
 //! Our own trees: NAME or NAME@LAYOUT.
 
 use anyhow::{Result, bail};
-use splitplane::{BuildParams, Counts, Hit, Mesh, Ray, Tree, TreeChoice};
+use splitplane::{BuildParams, Counts, Hit, Layout, Mesh, Ray, Tree, TreeChoice};
 
 use crate::contender::{Contender, Work, each};
 use crate::rays::Kind;
@@ -11,6 +11,10 @@ use crate::rays::Kind;
 enum Asked {
     /// Stored as a binary tree, one ray after the other.
     Binary,
+    /// Stored in wide nodes, one ray after the other.
+    Wide,
+    /// Stored in wide nodes, all rays in one call.
+    Batch,
 }
 
 /// A tree.
@@ -34,12 +38,20 @@ impl Ours {
         let choice: TreeChoice = tree.parse()?;
         let asked = match layout {
             "binary" => Asked::Binary,
-            _ => bail!("there is no layout \"{layout}\"; there is binary"),
+            "wide" => Asked::Wide,
+            "batch" => Asked::Batch,
+            _ => bail!("there is no layout \"{layout}\"; there are binary, wide and batch"),
         };
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()?;
-        let tree = pool.install(|| Tree::build(mesh, choice, &BuildParams::default()))?;
+        let layout = match asked {
+            Asked::Binary => Layout::Binary,
+            Asked::Wide | Asked::Batch => Layout::Wide,
+        };
+        let tree = pool.install(|| {
+            Tree::build(mesh, choice, &BuildParams::default())?.with_layout(layout)
+        })?;
         Ok(Ours { tree, asked })
     }
 }
@@ -47,13 +59,17 @@ impl Ours {
 impl Contender for Ours {
     fn closest(&self, _: Kind, rays: &[Ray], hits: &mut [Option<Hit>]) {
         match self.asked {
-            Asked::Binary => each(rays, hits, |ray| self.tree.closest_hit(ray, &mut ())),
+            Asked::Binary | Asked::Wide => {
+                each(rays, hits, |ray| self.tree.closest_hit(ray, &mut ()))
+            }
+            Asked::Batch => self.tree.closest_hits(rays, hits),
         }
     }
 
     fn any(&self, _: Kind, rays: &[Ray], hits: &mut [bool]) {
         match self.asked {
-            Asked::Binary => each(rays, hits, |ray| self.tree.any_hit(ray, &mut ())),
+            Asked::Binary | Asked::Wide => each(rays, hits, |ray| self.tree.any_hit(ray, &mut ())),
+            Asked::Batch => self.tree.any_hits(rays, hits),
         }
     }
 
@@ -71,7 +87,7 @@ impl Contender for Ours {
             }
         }
         Work {
-            visits: Some(counts.kd_visits + counts.oblique_visits),
+            visits: Some(counts.kd_visits + counts.oblique_visits + counts.wide_visits),
             blocks: Some(counts.leaf_visits),
             tests: Some(counts.triangle_tests),
         }

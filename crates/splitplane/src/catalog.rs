@@ -21,8 +21,11 @@ pub struct TreeSpec {
     pub triangle_planes: bool,
     /// Axis-aligned nodes are stored, priced and traversed as kd nodes (superscript Kd).
     pub axis_nodes: bool,
-    /// The triangles are divided, not space: a bounding volume hierarchy.
+    /// Nodes have boxes of their own, which may overlap, instead of planes.
     pub objects: bool,
+    /// Boxes lie along frames that come from the normals, and triangles are cut where that is
+    /// better than dividing them.
+    pub frames: bool,
     /// One line: what it is, and its source.
     pub summary: &'static str,
 }
@@ -53,6 +56,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: true,
         objects: false,
+        frames: false,
         summary: "kd-tree: planes across the three axes, swept, by the SAH [WaldHavran2006]",
     },
     TreeSpec {
@@ -64,6 +68,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: false,
         objects: false,
+        frames: false,
         summary: "restricted BSP tree: k directions, fixed for the whole tree [KammajeMora2007]",
     },
     TreeSpec {
@@ -75,6 +80,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: true,
         objects: false,
+        frames: false,
         summary: "restricted BSP tree: the axes and k-3 fixed directions; cheap kd nodes across axes [Budge2008]",
     },
     TreeSpec {
@@ -86,6 +92,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: true,
         axis_nodes: false,
         objects: false,
+        frames: false,
         summary: "BSP tree: the axes, and four planes per triangle: its own, one through each edge [Ize2008]",
     },
     TreeSpec {
@@ -97,6 +104,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: true,
         axis_nodes: true,
         objects: false,
+        frames: false,
         summary: "BSP tree: the axes, and four planes per triangle; cheap kd nodes across axes [Ize2008]",
     },
     TreeSpec {
@@ -108,6 +116,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: false,
         objects: false,
+        frames: false,
         summary: "BSP tree: k random directions, drawn afresh in each node [Hoobergs2019]",
     },
     TreeSpec {
@@ -119,6 +128,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: false,
         objects: false,
+        frames: false,
         summary: "BSP tree: the axes and k-3 random directions in each node [Hoobergs2019]",
     },
     TreeSpec {
@@ -130,6 +140,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: true,
         objects: false,
+        frames: false,
         summary: "BSP tree: the axes and k-3 random directions; cheap kd nodes across axes [Hoobergs2019]",
     },
     TreeSpec {
@@ -141,6 +152,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: false,
         objects: false,
+        frames: false,
         summary: "BSP tree: the normals of k random triangles of each node [Hoobergs2019]",
     },
     TreeSpec {
@@ -152,6 +164,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: false,
         objects: false,
+        frames: false,
         summary: "BSP tree: the axes and the normals of k-3 random triangles of each node [Hoobergs2019]",
     },
     TreeSpec {
@@ -163,6 +176,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: true,
         objects: false,
+        frames: false,
         summary: "BSP tree: the axes and k-3 random triangles' normals; cheap kd nodes across axes [Hoobergs2019]",
     },
     TreeSpec {
@@ -174,6 +188,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: false,
         objects: false,
+        frames: false,
         summary: "BSP tree: the centres of k clusters of each node's normals [Hoobergs2019]",
     },
     TreeSpec {
@@ -185,6 +200,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: false,
         objects: false,
+        frames: false,
         summary: "BSP tree: the axes and the centres of k-3 clusters of each node's normals [Hoobergs2019]",
     },
     TreeSpec {
@@ -196,7 +212,20 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: true,
         objects: false,
+        frames: false,
         summary: "BSP tree: the axes and k-3 clusters of normals; cheap kd nodes across axes [Hoobergs2019]",
+    },
+    TreeSpec {
+        name: "framed",
+        thesis_name: "",
+        pbrt_name: "",
+        axes: true,
+        directions: Directions::None,
+        triangle_planes: false,
+        axis_nodes: true,
+        objects: true,
+        frames: true,
+        summary: "boxes along frames found from the normals; space cut or triangles divided [Hoobergs2019, Stich2009]",
     },
     TreeSpec {
         name: "bvh",
@@ -207,6 +236,7 @@ pub static TREES: &[TreeSpec] = &[
         triangle_planes: false,
         axis_nodes: true,
         objects: true,
+        frames: false,
         summary: "bounding volume hierarchy by SAH sweeps, for comparison [MacDonaldBooth1990]",
     },
 ];

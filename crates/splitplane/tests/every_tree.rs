@@ -59,8 +59,55 @@ fn far_away(count: usize) -> Mesh {
     Mesh::new(positions, near.triangles().to_vec()).unwrap()
 }
 
+/// Boxes that are turned, each its own way, of which each face is many triangles: frames to be
+/// found.
+fn turned_boxes(boxes: u32, side: u32) -> Mesh {
+    let mut random = Random(11);
+    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+    for _ in 0..boxes {
+        let center = random.point(6.0);
+        let (a, b) = (random.point(2.0), random.point(2.0));
+        let cross = |a: [f32; 3], b: [f32; 3]| {
+            [
+                a[1] * b[2] - a[2] * b[1],
+                a[2] * b[0] - a[0] * b[2],
+                a[0] * b[1] - a[1] * b[0],
+            ]
+        };
+        let unit = |v: [f32; 3]| {
+            let length = v.iter().map(|c| c * c).sum::<f32>().sqrt();
+            v.map(|c| c / length)
+        };
+        let x = unit(a);
+        let z = unit(cross(x, b));
+        let y = cross(z, x);
+        for (u, v, w) in [(x, y, z), (y, z, x), (z, x, y)] {
+            for sign in [-1.0, 1.0] {
+                let first = positions.len() as u32;
+                for i in 0..=side {
+                    for j in 0..=side {
+                        let [s, t] = [i, j].map(|k| 2.0 * k as f32 / side as f32 - 1.0);
+                        positions.push(std::array::from_fn(|c| {
+                            center[c] + s * u[c] + t * v[c] + sign * w[c]
+                        }));
+                    }
+                }
+                let at = |i: u32, j: u32| first + i * (side + 1) + j;
+                for (i, j) in (0..side).flat_map(|i| (0..side).map(move |j| (i, j))) {
+                    triangles.extend([
+                        [at(i, j), at(i + 1, j), at(i + 1, j + 1)],
+                        [at(i, j), at(i + 1, j + 1), at(i, j + 1)],
+                    ]);
+                }
+            }
+        }
+    }
+    Mesh::new(positions, triangles).unwrap()
+}
+
 fn scenes() -> Vec<(&'static str, Mesh)> {
     vec![
+        ("turned boxes", turned_boxes(2, 3)),
         ("soup", soup(150, 0.8)),
         ("sphere", sphere(8)),
         ("coplanar", coplanar(7)),
@@ -240,9 +287,12 @@ fn every_tree_keeps_its_promises() {
     for (scene, mesh) in scenes() {
         for choice in choices() {
             for params in params() {
-                let tree = Tree::build(&mesh, choice, &params).unwrap();
-                if let Err(error) = tree.validate() {
-                    panic!("{choice} ({:?}) on {scene}: {error}", params.ties);
+                let mut tree = Tree::build(&mesh, choice, &params).unwrap();
+                for layout in Layout::ALL {
+                    tree = tree.with_layout(layout).unwrap();
+                    if let Err(error) = tree.validate() {
+                        panic!("{choice} ({:?}, {layout}) on {scene}: {error}", params.ties);
+                    }
                 }
             }
         }

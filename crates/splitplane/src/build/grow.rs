@@ -4,11 +4,11 @@ use std::collections::HashMap;
 
 use super::cell::Cell;
 use super::cost::{Choice, Contest};
-use super::objects;
 use super::params::{BuildParams, BuildStats, Ties};
 use super::sweep::Events;
 use super::ties::{Boundary, Touching};
 use super::triangle_planes::{self, Counter};
+use super::{framed, objects};
 use crate::catalog::{Directions, TreeChoice};
 use crate::directions::{self, NodeView, Random, fixed};
 use crate::geometry::polytope::{CutScratch, Polytope, Profile};
@@ -162,6 +162,9 @@ struct Builder<'a> {
 
 /// Builds the tree, on the threads of the current rayon pool.
 pub(crate) fn grow(mesh: &Mesh, choice: TreeChoice, params: &BuildParams) -> Built {
+    if choice.spec.frames {
+        return framed::grow(mesh);
+    }
     if choice.spec.objects {
         return objects::grow(mesh, params);
     }

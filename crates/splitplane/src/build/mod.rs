@@ -2,6 +2,7 @@
 
 mod cell;
 mod cost;
+mod framed;
 mod grow;
 mod objects;
 mod params;

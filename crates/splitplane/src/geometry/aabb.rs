@@ -38,6 +38,15 @@ impl Aabb {
         }
     }
 
+    /// The box of the points that are in both.
+    #[must_use]
+    pub(crate) fn intersection(&self, other: &Aabb) -> Self {
+        Aabb {
+            min: std::array::from_fn(|axis| self.min[axis].max(other.min[axis])),
+            max: std::array::from_fn(|axis| self.max[axis].min(other.max[axis])),
+        }
+    }
+
     /// Whether the box holds no point.
     pub fn is_empty(&self) -> bool {
         (0..3).any(|axis| self.min[axis] > self.max[axis])

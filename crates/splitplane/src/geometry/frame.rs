@@ -24,9 +24,11 @@ impl Frame {
     /// A point or direction of the world, in the frame. Exact but for f64 rounding.
     #[inline(always)]
     pub(crate) fn map(&self, p: [f64; 3]) -> [f64; 3] {
-        self.rows.map(|row| {
-            f64::from(row[0]) * p[0] + f64::from(row[1]) * p[1] + f64::from(row[2]) * p[2]
-        })
+        let along = |row: usize| {
+            let [x, y, z] = self.rows[row];
+            f64::from(x) * p[0] + f64::from(y) * p[1] + f64::from(z) * p[2]
+        };
+        [along(0), along(1), along(2)]
     }
 }
 

@@ -3,6 +3,7 @@
 mod aabb;
 pub(crate) mod frame;
 mod mesh;
+pub(crate) mod polygon;
 pub(crate) mod polytope;
 mod ray;
 pub(crate) mod triangle;

@@ -31,12 +31,12 @@ impl Ray {
 
     /// Whether a query can answer the ray: all numbers finite (`t_max` may be infinite), the
     /// direction not zero. A query answers any other ray with a miss.
+    #[inline]
     pub fn is_valid(&self) -> bool {
-        let finite = |v: &[f32; 3]| v.iter().all(|c| c.is_finite());
-        finite(&self.origin)
-            && finite(&self.direction)
-            && self.direction != [0.0; 3]
-            && !self.t_min.is_nan()
-            && !self.t_max.is_nan()
+        // A number times 0 is 0 if it is finite, otherwise not a number.
+        let [ox, oy, oz] = self.origin.map(|c| c * 0.0);
+        let [dx, dy, dz] = self.direction.map(|c| c * 0.0);
+        let is_finite = (ox + oy + oz) + (dx + dy + dz) == 0.0;
+        is_finite && self.direction != [0.0; 3] && !self.t_min.is_nan() && !self.t_max.is_nan()
     }
 }

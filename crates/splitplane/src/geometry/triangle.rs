@@ -14,9 +14,10 @@ pub(crate) struct Shear {
 }
 
 impl Shear {
+    #[inline(always)]
     pub(crate) fn of(ray: &Ray) -> Self {
         let d = ray.direction;
-        let magnitude = d.map(f32::abs);
+        let magnitude = [d[0].abs(), d[1].abs(), d[2].abs()];
         let kz = if magnitude[0] > magnitude[1] && magnitude[0] > magnitude[2] {
             0
         } else if magnitude[1] > magnitude[2] {
@@ -92,15 +93,21 @@ impl Shear {
     /// This only ever refuses hits, so it does not widen where a traversal must look.
     #[inline]
     pub(crate) fn meets_plane_beyond(&self, t_min: f32, corners: &[[f32; 3]; 3]) -> bool {
-        let [a, b, c] =
-            corners.map(|p| std::array::from_fn(|i| f64::from(p[i]) - f64::from(self.origin[i])));
+        let o = self.origin.map(f64::from);
+        let [a, b, c] = corners.map(|[x, y, z]| {
+            [
+                f64::from(x) - o[0],
+                f64::from(y) - o[1],
+                f64::from(z) - o[2],
+            ]
+        });
         let normal = cross(difference(b, a), difference(c, a));
         dot(normal, a) / dot(normal, self.direction.map(f64::from)) > f64::from(t_min)
     }
 }
 
 fn difference(a: [f64; 3], b: [f64; 3]) -> [f64; 3] {
-    std::array::from_fn(|i| a[i] - b[i])
+    [a[0] - b[0], a[1] - b[1], a[2] - b[2]]
 }
 
 fn dot(a: [f64; 3], b: [f64; 3]) -> f64 {

@@ -23,6 +23,11 @@ impl<F: Fn(&Hit) -> bool> Search for All<'_, F> {
     const NEAREST_FIRST: bool = false;
 
     #[inline(always)]
+    fn shear(&self) -> &Shear {
+        &self.shear
+    }
+
+    #[inline(always)]
     fn limit(&self) -> f64 {
         f64::from(self.t_max)
     }

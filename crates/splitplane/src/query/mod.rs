@@ -1,6 +1,7 @@
 //! Rays against a tree.
 
 mod all_hits;
+mod batch;
 mod simd;
 mod traverse;
 mod wide;
@@ -11,6 +12,7 @@ use crate::geometry::Ray;
 use crate::geometry::triangle::Shear;
 use crate::tree::{Tree, with_nodes};
 pub(crate) use all_hits::all_hits;
+pub(crate) use batch::{any_hits, closest_hits};
 pub(crate) use traverse::Place;
 use traverse::{Search, traverse};
 
@@ -154,6 +156,11 @@ impl<F: Fn(&Hit) -> bool> Search for Closest<F> {
     const NEAREST_FIRST: bool = true;
 
     #[inline(always)]
+    fn shear(&self) -> &Shear {
+        &self.shear
+    }
+
+    #[inline(always)]
     fn limit(&self) -> f64 {
         f64::from(self.best.t)
     }
@@ -181,8 +188,25 @@ struct Any<F> {
     accept: F,
 }
 
+impl<F: Fn(&Hit) -> bool> Any<F> {
+    fn new(ray: &Ray, accept: F) -> Self {
+        Any {
+            shear: Shear::of(ray),
+            t_min: ray.t_min,
+            t_max: ray.t_max,
+            found: false,
+            accept,
+        }
+    }
+}
+
 impl<F: Fn(&Hit) -> bool> Search for Any<F> {
     const NEAREST_FIRST: bool = false;
+
+    #[inline(always)]
+    fn shear(&self) -> &Shear {
+        &self.shear
+    }
 
     #[inline(always)]
     fn limit(&self) -> f64 {
@@ -224,13 +248,7 @@ pub(crate) fn any_hit(
     accept: impl Fn(&Hit) -> bool,
     counters: &mut impl Counters,
 ) -> bool {
-    let mut search = Any {
-        shear: Shear::of(ray),
-        t_min: ray.t_min,
-        t_max: ray.t_max,
-        found: false,
-        accept,
-    };
+    let mut search = Any::new(ray, accept);
     run(tree, ray, &mut search, counters);
     search.found
 }

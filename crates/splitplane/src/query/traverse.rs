@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 
 use super::{Counters, Traversal};
 use crate::build::BuildParams;
+use crate::geometry::triangle::Shear;
 use crate::geometry::{Aabb, Frame, Mesh, Ray};
 use crate::tree::nodes::{Layout, Shared, View};
 
@@ -13,6 +14,8 @@ pub(super) trait Search {
     fn limit(&self) -> f64;
     /// Whether hits are best found in their order along the ray; otherwise where they are likely.
     const NEAREST_FIRST: bool;
+    /// The test's part of the ray.
+    fn shear(&self) -> &Shear;
     /// Tests a triangle of these corners; breaks when the answer is known.
     fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()>;
 }
@@ -229,7 +232,7 @@ pub(super) fn traverse<N: Layout>(
                     current = frame;
                     line = match frame {
                         Frame::WORLD => world,
-                        _ => world.in_frame(ray, &shared.frames[frame as usize]),
+                        _ => world.in_frame(ray, shared.frame(frame)),
                     };
                 }
                 let clip = |node: usize| line.clip((near, far), &nodes[node].bounds());

@@ -4,9 +4,14 @@
 //! visits every leaf in which the test would find a hit; triangles are only sorted out by a part of
 //! the test that gives the same bits as the test itself. So hits are those of testing every
 //! triangle. See "Why no hit is lost" in ARCHITECTURE.md.
+//!
+//! No closures where lanes are handled: a closure is a function without the machine's
+//! instructions, into which they cannot be inlined.
 #![allow(unsafe_code)]
 
 use std::mem::MaybeUninit;
+
+use glam::Vec3A;
 
 use super::Counters;
 use super::simd::{Instructions, Lanes, Task};
@@ -20,16 +25,22 @@ use crate::tree::wide::{Child, Link, MAX_DEPTH, MAX_FRAMES, WIDTH, Wide, WideNod
 /// furthest point from the ray's origin along an axis, R.
 ///
 /// 16 for the triangle test (`TEST_ERROR` in `traverse`), along any direction. In a frame,
-/// coordinates are up to √3 · R; the origin is rounded once, a difference to a box once, its
-/// product with the inverse direction once, and the inverse and the direction once each: 5 · √3.
-const BOX_ERROR: f64 = 26.0;
+/// coordinates are up to √3 · R; the origin is rounded three times, a difference to a box once, its
+/// product with the inverse direction once, and the inverse and the direction once each:
+/// 7 · √3 < 13. The rest is for R and the margin being rounded themselves.
+const BOX_ERROR: f32 = 30.0;
 
 /// Components of the direction that are smaller, in units of the largest, are taken for this
 /// large: they move the ray by less than any rounding. With it no product overflows.
-const SMALLEST: f64 = 1e-18;
+const SMALLEST: f32 = 1e-18;
 
-/// Beyond this distance between a ray's origin and a scene all boxes are visited.
-const FAR: f64 = 1e18;
+/// With a margin as large as this, beyond 10^18 between a ray's origin and a scene, all boxes are
+/// visited.
+const FAR_MARGIN: f32 = 1e12;
+
+/// Biased exponents of a direction's largest component that need no care.
+const LOW_EXPONENT: u32 = 32;
+const HIGH_EXPONENT: u32 = 222;
 
 /// A ray as boxes of one frame see it.
 #[derive(Clone, Copy)]
@@ -47,32 +58,32 @@ struct FrameRay {
 /// A ray as the traversal sees it: relative to the centre of the scene, and with t in multiples of
 /// a power of two, so that the direction's largest component is between 1 and 2.
 struct Line {
-    origin: [f64; 3],
-    direction: [f64; 3],
-    margin: f64,
+    origin: Vec3A,
+    direction: Vec3A,
+    margin: f32,
     /// t of the traversal over t of the ray.
     scale: f64,
-    /// So far from the scene that boxes say nothing.
-    is_far: bool,
 }
 
 impl Line {
     #[inline(always)]
     fn new(wide: &Wide, ray: &Ray) -> Self {
-        let origin: [f64; 3] = std::array::from_fn(|i| f64::from(ray.origin[i]) - wide.center[i]);
-        let max = |v: [f64; 3]| v[0].abs().max(v[1].abs()).max(v[2].abs());
-        let direction = ray.direction.map(f64::from);
-        // The power of two that is not above the largest component. An f32 is a normal f64.
-        let exponent = max(direction).to_bits() >> 52;
-        let scale = f64::from_bits(exponent << 52);
-        let per_scale = f64::from_bits((2 * 1023 - exponent) << 52);
-        let reach = max(origin) + f64::from(wide.half_extent);
+        let origin = Vec3A::from(ray.origin) - Vec3A::from(wide.center);
+        let direction = Vec3A::from(ray.direction);
+        let exponent = direction.abs().max_element().to_bits() >> 23;
+        let reach = origin.abs().max_element() + wide.half_extent;
+        let (direction, scale) = if (LOW_EXPONENT..HIGH_EXPONENT).contains(&exponent) {
+            let per_scale = f32::from_bits((2 * 127 - exponent) << 23);
+            let scale = f64::from_bits(u64::from(exponent + 1023 - 127) << 52);
+            (direction * per_scale, scale)
+        } else {
+            extreme(ray.direction)
+        };
         Line {
             origin,
-            direction: direction.map(|c| c * per_scale),
-            margin: 0.5 * f64::from(f32::EPSILON) * BOX_ERROR * reach,
+            direction,
+            margin: 0.5 * f32::EPSILON * BOX_ERROR * reach,
             scale,
-            is_far: reach > FAR,
         }
     }
 
@@ -82,10 +93,15 @@ impl Line {
             Frame::WORLD => (self.origin, self.direction),
             _ => {
                 let frame = &frames[frame as usize];
-                (frame.map(self.origin), frame.map(self.direction))
+                let map = |v: Vec3A| {
+                    let [x, y, z] = frame.map(v.as_dvec3().to_array());
+                    Vec3A::new(x as f32, y as f32, z as f32)
+                };
+                (map(self.origin), map(self.direction))
             }
         };
-        if self.is_far {
+        // Written so that it holds for what is not a number, too.
+        if !(self.margin < FAR_MARGIN) {
             return FrameRay {
                 inverse: [1e30; 3],
                 entry: [1e30; 3],
@@ -93,25 +109,34 @@ impl Line {
                 entry_rows: [0, 1, 2],
             };
         }
-        let mut ray = FrameRay {
-            inverse: [0.0; 3],
-            entry: [0.0; 3],
-            exit: [0.0; 3],
-            entry_rows: [0, 1, 2],
-        };
-        for axis in 0..3 {
-            let d = direction[axis]
-                .abs()
-                .max(SMALLEST)
-                .copysign(direction[axis]);
-            let margin = self.margin.copysign(d);
-            ray.inverse[axis] = (1.0 / d) as f32;
-            ray.entry[axis] = (origin[axis] + margin) as f32;
-            ray.exit[axis] = (origin[axis] - margin) as f32;
-            ray.entry_rows[axis] = if d < 0.0 { axis + 3 } else { axis };
+        let size = direction.abs().max(Vec3A::splat(SMALLEST));
+        let margin = Vec3A::splat(self.margin).copysign(direction);
+        let row = |axis: usize, d: f32| axis + if d.is_sign_negative() { 3 } else { 0 };
+        FrameRay {
+            inverse: (Vec3A::ONE / size.copysign(direction)).to_array(),
+            entry: (origin + margin).to_array(),
+            exit: (origin - margin).to_array(),
+            entry_rows: [
+                row(0, direction.x),
+                row(1, direction.y),
+                row(2, direction.z),
+            ],
         }
-        ray
     }
+}
+
+/// A direction with components that are so large or small that their power of two or its inverse
+/// is no normal f32: over its power of two, and that power.
+#[cold]
+fn extreme(direction: [f32; 3]) -> (Vec3A, f64) {
+    let direction = glam::Vec3::from(direction).as_dvec3();
+    // An f32 is a normal f64.
+    let exponent = direction.abs().max_element().to_bits() >> 52;
+    let per_scale = f64::from_bits((2 * 1023 - exponent) << 52);
+    (
+        (direction * per_scale).as_vec3a(),
+        f64::from_bits(exponent << 52),
+    )
 }
 
 /// A child that is still to be visited, and where the ray enters its box.
@@ -121,27 +146,37 @@ struct Entry {
     link: Link,
 }
 
+impl Entry {
+    #[inline(always)]
+    fn new(near: &[f32; WIDTH], node: &WideNode, slot: usize) -> Self {
+        Entry {
+            near: near[slot],
+            link: node.children[slot],
+        }
+    }
+}
+
+#[inline(always)]
+fn splats<L: Lanes>([x, y, z]: [f32; 3]) -> [L; 3] {
+    [L::splat(x), L::splat(y), L::splat(z)]
+}
+
 /// Every visit takes a child off and puts up to eight on.
 const STACK: usize = (WIDTH - 1) * MAX_DEPTH + 1;
 
-/// The ray in the frames that it has met.
-struct Frames {
-    rays: [MaybeUninit<FrameRay>; MAX_FRAMES],
-    /// A bit for each frame that has been met.
-    met: u64,
+/// What a cursor writes to before it reads it. It lies apart, since moving it would take longer than
+/// a ray does.
+struct Space {
+    stack: [MaybeUninit<Entry>; STACK],
+    /// The ray in the frames that it has met.
+    frames: [MaybeUninit<FrameRay>; MAX_FRAMES],
 }
 
-impl Frames {
-    #[inline(always)]
-    fn get(&mut self, frame: u32, line: &Line, frames: &[Frame]) -> FrameRay {
-        let slot = &mut self.rays[frame as usize];
-        if self.met >> frame & 1 == 0 {
-            self.met |= 1 << frame;
-            slot.write(line.in_frame(frame, frames));
-        }
-        // SAFETY: the bit says that it has been written.
-        unsafe { slot.assume_init() }
-    }
+impl Space {
+    const NEW: Space = Space {
+        stack: [MaybeUninit::uninit(); STACK],
+        frames: [MaybeUninit::uninit(); MAX_FRAMES],
+    };
 }
 
 /// The first part of the triangle test, on eight triangles: [`Shear::intersect`] up to the signs of
@@ -157,23 +192,31 @@ impl<L: Lanes> Edges<L> {
     fn new(shear: &Shear) -> Self {
         Edges {
             axes: shear.axes,
-            origin: shear.axes.map(|axis| L::splat(shear.origin[axis])),
+            origin: [
+                L::splat(shear.origin[shear.axes[0]]),
+                L::splat(shear.origin[shear.axes[1]]),
+                L::splat(shear.origin[shear.axes[2]]),
+            ],
             shear: [L::splat(shear.shear[0]), L::splat(shear.shear[1])],
         }
+    }
+
+    /// Corners of eight triangles, sheared.
+    #[inline(always)]
+    fn corner(&self, rows: &[f32], count: usize) -> (L, L) {
+        let [kx, ky, kz] = self.axes;
+        let z = L::load(&rows[kz * count..]).sub(self.origin[2]);
+        let x = L::load(&rows[kx * count..]).sub(self.origin[0]);
+        let y = L::load(&rows[ky * count..]).sub(self.origin[1]);
+        (x.sub(self.shear[0].mul(z)), y.sub(self.shear[1].mul(z)))
     }
 
     /// A bit for each triangle that the ray may hit; `rows` as in [`Wide::corners`].
     #[inline(always)]
     fn candidates(&self, rows: &[f32], count: usize) -> u32 {
-        let [kx, ky, kz] = self.axes;
-        let corner = |corner: usize| {
-            let row = |axis: usize| L::load(&rows[(3 * corner + axis) * count..]);
-            let z = row(kz).sub(self.origin[2]);
-            let x = row(kx).sub(self.origin[0]).sub(self.shear[0].mul(z));
-            let y = row(ky).sub(self.origin[1]).sub(self.shear[1].mul(z));
-            (x, y)
-        };
-        let ((ax, ay), (bx, by), (cx, cy)) = (corner(0), corner(1), corner(2));
+        let (ax, ay) = self.corner(&rows[..3 * count + WIDTH], count);
+        let (bx, by) = self.corner(&rows[3 * count..6 * count + WIDTH], count);
+        let (cx, cy) = self.corner(&rows[6 * count..9 * count + WIDTH], count);
         let u = cx.mul(by).sub(cy.mul(bx));
         let v = ax.mul(cy).sub(ay.mul(cx));
         let w = bx.mul(ay).sub(by.mul(ax));
@@ -202,7 +245,8 @@ impl<S: Search, C: Counters> Task for Walk<'_, S, C> {
             search,
             counters,
         } = self;
-        let mut cursor = Cursor::<L>::new(wide, ray, search);
+        let mut space = Space::NEW;
+        let mut cursor = Cursor::<L>::new(wide, ray, search, &mut space);
         while cursor.step(wide, search, counters) {}
     }
 }
@@ -223,10 +267,55 @@ pub(super) fn traverse<S: Search, C: Counters>(
     });
 }
 
+/// Many rays, each with a search of its own.
+struct Batch<'a, T, N, F> {
+    wide: &'a Wide,
+    rays: &'a [Ray],
+    hits: &'a mut [T],
+    search: &'a N,
+    found: &'a F,
+}
+
+impl<S: Search, T, N: Fn(&Ray) -> S, F: Fn(&S) -> T> Task for Batch<'_, T, N, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run<L: Lanes>(self) {
+        let mut space = Space::NEW;
+        for (ray, hit) in self.rays.iter().zip(self.hits) {
+            let mut search = (self.search)(ray);
+            if ray.is_valid() {
+                let mut cursor = Cursor::<L>::new(self.wide, ray, &search, &mut space);
+                while cursor.step(self.wide, &mut search, &mut ()) {}
+            }
+            *hit = (self.found)(&search);
+        }
+    }
+}
+
+/// Takes all rays through the tree, and says what was `found` by the `search` of each.
+pub(super) fn traverse_all<S: Search, T>(
+    wide: &Wide,
+    rays: &[Ray],
+    hits: &mut [T],
+    search: &impl Fn(&Ray) -> S,
+    found: &impl Fn(&S) -> T,
+) {
+    Instructions::best().run(Batch {
+        wide,
+        rays,
+        hits,
+        search,
+        found,
+    });
+}
+
 /// Where a ray is on its way through a tree.
-struct Cursor<L> {
+struct Cursor<'s, L> {
     line: Line,
-    frames: Frames,
+    space: &'s mut Space,
+    /// A bit for each frame that has been met.
+    met: u64,
     frame: u32,
     inverse: [L; 3],
     entry: [L; 3],
@@ -237,21 +326,19 @@ struct Cursor<L> {
     limit: f32,
     edges: Edges<L>,
     next: Link,
-    stack: [MaybeUninit<Entry>; STACK],
+    /// How many entries the stack has.
     depth: usize,
 }
 
-impl<L: Lanes> Cursor<L> {
+impl<'s, L: Lanes> Cursor<'s, L> {
     #[inline(always)]
-    fn new(wide: &Wide, ray: &Ray, search: &impl Search) -> Self {
+    fn new(wide: &Wide, ray: &Ray, search: &impl Search, space: &'s mut Space) -> Self {
         let line = Line::new(wide, ray);
         let t_min = round_down(f64::from(ray.t_min) * line.scale);
         let zero = [L::splat(0.0); 3];
         let mut cursor = Cursor {
-            frames: Frames {
-                rays: [MaybeUninit::uninit(); MAX_FRAMES],
-                met: 0,
-            },
+            space,
+            met: 0,
             frame: Frame::WORLD,
             inverse: zero,
             entry: zero,
@@ -259,9 +346,8 @@ impl<L: Lanes> Cursor<L> {
             entry_rows: [0; 3],
             t_min: L::splat(t_min),
             limit: round_up(search.limit() * line.scale),
-            edges: Edges::new(&Shear::of(ray)),
+            edges: Edges::new(search.shear()),
             next: Link::ROOT,
-            stack: [MaybeUninit::uninit(); STACK],
             depth: 0,
             line,
         };
@@ -271,11 +357,17 @@ impl<L: Lanes> Cursor<L> {
 
     #[inline(always)]
     fn enter(&mut self, frame: u32, wide: &Wide) {
-        let ray = self.frames.get(frame, &self.line, &wide.frames);
+        let slot = &mut self.space.frames[frame as usize];
+        if self.met >> frame & 1 == 0 {
+            self.met |= 1 << frame;
+            slot.write(self.line.in_frame(frame, &wide.frames));
+        }
+        // SAFETY: the bit says that it has been written.
+        let ray = unsafe { slot.assume_init() };
         self.frame = frame;
-        self.inverse = ray.inverse.map(L::splat);
-        self.entry = ray.entry.map(L::splat);
-        self.exit = ray.exit.map(L::splat);
+        self.inverse = splats(ray.inverse);
+        self.entry = splats(ray.entry);
+        self.exit = splats(ray.exit);
         self.entry_rows = ray.entry_rows;
     }
 
@@ -305,9 +397,10 @@ impl<L: Lanes> Cursor<L> {
                     while candidates != 0 {
                         let i = candidates.trailing_zeros() as usize;
                         candidates &= candidates - 1;
-                        let corners = std::array::from_fn(|corner| {
-                            std::array::from_fn(|axis| rows[(3 * corner + axis) * count + i])
-                        });
+                        let mut corners = [[0.0; 3]; 3];
+                        for (row, value) in corners.as_flattened_mut().iter_mut().enumerate() {
+                            *value = rows[row * count + i];
+                        }
                         if search.test(wide.triangles[start + i], &corners).is_break() {
                             return false;
                         }
@@ -319,18 +412,22 @@ impl<L: Lanes> Cursor<L> {
         }
     }
 
+    /// Where the ray enters and leaves the boxes of a node along an axis.
+    #[inline(always)]
+    fn slab(&self, node: &WideNode, axis: usize) -> (L, L) {
+        let row = self.entry_rows[axis];
+        let entry = L::load(&node.bounds[row]).sub(self.entry[axis]);
+        let exit = L::load(&node.bounds[2 * axis + 3 - row]).sub(self.exit[axis]);
+        (entry.mul(self.inverse[axis]), exit.mul(self.inverse[axis]))
+    }
+
     #[inline(always)]
     fn visit<S: Search>(&mut self, node: &WideNode, _: &S) -> bool {
-        let entry = |axis: usize| {
-            let row = L::load(&node.bounds[self.entry_rows[axis]]);
-            row.sub(self.entry[axis]).mul(self.inverse[axis])
-        };
-        let exit = |axis: usize| {
-            let row = L::load(&node.bounds[2 * axis + 3 - self.entry_rows[axis]]);
-            row.sub(self.exit[axis]).mul(self.inverse[axis])
-        };
-        let near = entry(0).max(entry(1)).max(entry(2).max(self.t_min));
-        let far = exit(0).min(exit(1)).min(exit(2).min(L::splat(self.limit)));
+        let (near_x, far_x) = self.slab(node, 0);
+        let (near_y, far_y) = self.slab(node, 1);
+        let (near_z, far_z) = self.slab(node, 2);
+        let near = near_x.max(near_y).max(near_z.max(self.t_min));
+        let far = far_x.min(far_y).min(far_z.min(L::splat(self.limit)));
         let mut met = near.le(far);
         if met == 0 {
             return self.pop();
@@ -342,26 +439,22 @@ impl<L: Lanes> Cursor<L> {
             return true;
         }
         let near = near.to_array();
-        let entry = |i: usize| Entry {
-            near: near[i],
-            link: node.children[i],
-        };
         if S::NEAREST_FIRST {
-            let (mut best, bottom) = (entry(first), self.depth);
+            let (mut best, bottom) = (Entry::new(&near, node, first), self.depth);
             while met != 0 {
                 let i = met.trailing_zeros() as usize;
                 met &= met - 1;
-                let mut other = entry(i);
+                let mut other = Entry::new(&near, node, i);
                 if other.near < best.near {
                     std::mem::swap(&mut other, &mut best);
                 }
                 // Nearer ones on top.
                 let mut at = self.depth;
                 while at > bottom && self.get(at - 1).near < other.near {
-                    self.stack[at] = self.stack[at - 1];
+                    self.space.stack[at] = self.space.stack[at - 1];
                     at -= 1;
                 }
-                self.stack[at] = MaybeUninit::new(other);
+                self.space.stack[at] = MaybeUninit::new(other);
                 self.depth += 1;
             }
             self.next = best.link;
@@ -369,7 +462,7 @@ impl<L: Lanes> Cursor<L> {
             while met != 0 {
                 let i = (31 - met.leading_zeros()) as usize;
                 met ^= 1 << i;
-                self.stack[self.depth] = MaybeUninit::new(entry(i));
+                self.space.stack[self.depth] = MaybeUninit::new(Entry::new(&near, node, i));
                 self.depth += 1;
             }
             self.next = node.children[first];
@@ -382,7 +475,7 @@ impl<L: Lanes> Cursor<L> {
     fn get(&self, at: usize) -> Entry {
         debug_assert!(at < self.depth || at < STACK);
         // SAFETY: all entries below the depth have been written, and callers look at no others.
-        unsafe { self.stack[at].assume_init() }
+        unsafe { self.space.stack[at].assume_init() }
     }
 
     /// Takes the next child that the search has not passed off the stack; false if there is none.

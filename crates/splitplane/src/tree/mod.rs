@@ -351,6 +351,24 @@ impl Tree {
         query::all_hits(self, ray, accept, hits, counters);
     }
 
+    /// The nearest hits of many rays, as [`Tree::closest_hit`] gives them, on the threads of the
+    /// current rayon pool.
+    ///
+    /// # Panics
+    /// If there are not as many `hits` as `rays`.
+    pub fn closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        query::closest_hits(self, rays, hits);
+    }
+
+    /// Whether anything is hit, of many rays, as [`Tree::any_hit`] says it, on the threads of the
+    /// current rayon pool.
+    ///
+    /// # Panics
+    /// If there are not as many `hits` as `rays`.
+    pub fn any_hits(&self, rays: &[Ray], hits: &mut [bool]) {
+        query::any_hits(self, rays, hits);
+    }
+
     pub(crate) fn nodes(&self) -> &Nodes {
         &self.nodes
     }

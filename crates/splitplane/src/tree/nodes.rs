@@ -137,6 +137,13 @@ impl Shared {
     }
 }
 
+impl Shared {
+    /// A frame by its index.
+    pub(crate) fn frame(&self, index: u32) -> &Frame {
+        self.frames.get(index as usize).unwrap_or(&Frame::IDENTITY)
+    }
+}
+
 /// A layout of nodes.
 pub(crate) trait Layout: Pod + Send + Sync {
     /// The largest index of a child, and the largest leaf.

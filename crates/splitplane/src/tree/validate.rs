@@ -1,7 +1,9 @@
 use glam::DVec3;
 
 use super::nodes::{Layout, View};
+use super::wide::{Child, Wide};
 use super::{Tree, with_nodes};
+use crate::geometry::Frame;
 use crate::geometry::polytope::{CutScratch, Polytope};
 
 /// The promise that [`Tree::validate`] finds broken.
@@ -41,6 +43,9 @@ impl Tree {
     /// # Errors
     /// The first promise that is broken, and where.
     pub fn validate(&self) -> Result<(), ValidateError> {
+        if let Some(wide) = self.wide() {
+            return self.validate_wide(wide);
+        }
         with_nodes!(self, nodes => {
             self.validate_structure(nodes)?;
             if self.choice.spec.objects {
@@ -89,29 +94,29 @@ impl Tree {
         }
     }
 
-    /// Every triangle is in one leaf, and the boxes above it hold it.
+    /// Every point of a triangle is in a leaf that lists the triangle, and in all boxes above it;
+    /// checked for a few points of each triangle.
     fn validate_boxes<N: Layout>(&self, nodes: &[N]) -> Result<(), ValidateError> {
-        let mut listed = Vec::new();
-        let mut pending = vec![(0, self.bounds())];
-        while let Some((at, outer)) = pending.pop() {
-            let bounds = nodes[at].bounds();
-            if bounds.union(&outer) != outer {
-                return Err(ValidateError::Structure {
-                    node: at,
-                    what: "has a box larger than its parent's",
-                });
-            }
+        let mut cover = Cover::new(self);
+        let mut path = Vec::new();
+        let mut pending = vec![(0, 0, Frame::WORLD)];
+        while let Some((at, depth, frame)) = pending.pop() {
+            path.truncate(depth);
+            path.push((nodes[at].bounds(), frame));
             match nodes[at].view(&self.shared) {
                 View::Leaf(leaf) => {
-                    for &triangle in leaf.triangles(&self.references) {
-                        let own = crate::Aabb::of_points(self.mesh.corners(triangle));
-                        if own.union(&bounds) != bounds {
-                            return Err(ValidateError::MissingReference { node: at, triangle });
-                        }
-                        listed.push(triangle);
-                    }
+                    cover.leaf(leaf.triangles(&self.references), |p| {
+                        path.iter().all(|(bounds, frame)| {
+                            let p = self.shared.frame(*frame).map(p);
+                            (0..3).all(|i| {
+                                f64::from(bounds.min[i]) <= p[i] && p[i] <= f64::from(bounds.max[i])
+                            })
+                        })
+                    });
                 }
-                View::Objects { above, .. } => pending.extend([(above, bounds), (at + 1, bounds)]),
+                View::Objects { above, frame } => {
+                    pending.extend([(above, depth + 1, frame), (at + 1, depth + 1, frame)]);
+                }
                 View::Axis { .. } | View::Oblique { .. } => {
                     return Err(ValidateError::Structure {
                         node: at,
@@ -120,14 +125,42 @@ impl Tree {
                 }
             }
         }
-        listed.sort_unstable();
-        if listed != self.mesh.usable_triangles() {
-            return Err(ValidateError::Structure {
-                node: 0,
-                what: "does not list every triangle once",
-            });
+        cover.finish()
+    }
+
+    /// The same for the boxes of wide nodes.
+    fn validate_wide(&self, wide: &Wide) -> Result<(), ValidateError> {
+        let mut cover = Cover::new(self);
+        let mut seen = vec![false; wide.nodes.len()];
+        let mut path: Vec<(usize, usize)> = Vec::new();
+        let mut pending = vec![(0, 0usize, None)];
+        while let Some((at, depth, slot)) = pending.pop() {
+            if std::mem::replace(&mut seen[at], true) {
+                return Err(ValidateError::Structure {
+                    node: at,
+                    what: "has two parents",
+                });
+            }
+            path.truncate(depth.saturating_sub(1));
+            path.extend(slot);
+            let node = &wide.nodes[at];
+            for (slot, child) in node.present() {
+                match child {
+                    Child::Node(child) => pending.push((child, depth + 1, Some((at, slot)))),
+                    Child::Leaf { start, count } => {
+                        let boxes = || path.iter().copied().chain([(at, slot)]);
+                        cover.leaf(&wide.triangles[start..][..count], |p| {
+                            boxes().all(|(node, slot)| wide.nodes[node].holds(slot, p, wide))
+                        });
+                    }
+                }
+            }
         }
-        Ok(())
+        if let Some(node) = seen.iter().position(|&seen| !seen) {
+            let what = "has no parent";
+            return Err(ValidateError::Structure { node, what });
+        }
+        cover.finish()
     }
 
     fn validate_volume<N: Layout>(&self, nodes: &[N]) -> Result<(), ValidateError> {
@@ -181,6 +214,62 @@ impl Tree {
             }
         }
         Ok(())
+    }
+}
+
+/// Which points of the triangles have been found in a leaf that lists their triangle.
+struct Cover<'a> {
+    tree: &'a Tree,
+    /// Per triangle, a bit for each point.
+    found: Vec<u16>,
+}
+
+impl Cover<'_> {
+    /// The weights of the points, out of 4: corners, points of edges, points inside.
+    const POINTS: [[u8; 3]; 15] = {
+        let mut points = [[0; 3]; 15];
+        let (mut a, mut next) = (0, 0);
+        while a <= 4 {
+            let mut b = 0;
+            while a + b <= 4 {
+                points[next] = [a, b, 4 - a - b];
+                next += 1;
+                b += 1;
+            }
+            a += 1;
+        }
+        points
+    };
+
+    fn new(tree: &Tree) -> Cover<'_> {
+        Cover {
+            tree,
+            found: vec![0; tree.mesh.triangles().len()],
+        }
+    }
+
+    fn leaf(&mut self, triangles: &[u32], holds: impl Fn([f64; 3]) -> bool) {
+        for &triangle in triangles {
+            let corners = self.tree.mesh.corners(triangle).map(|p| p.map(f64::from));
+            for (i, weights) in Cover::POINTS.iter().enumerate() {
+                let coordinate = |axis: usize| {
+                    let weighted = (0..3).map(|k| f64::from(weights[k]) * corners[k][axis]);
+                    weighted.sum::<f64>() / 4.0
+                };
+                if holds([0, 1, 2].map(coordinate)) {
+                    self.found[triangle as usize] |= 1 << i;
+                }
+            }
+        }
+    }
+
+    fn finish(&self) -> Result<(), ValidateError> {
+        let all = (1 << Cover::POINTS.len()) - 1;
+        let usable = self.tree.mesh.usable_triangles();
+        match usable.iter().find(|&&i| self.found[i as usize] != all) {
+            Some(&triangle) => Err(ValidateError::MissingReference { node: 0, triangle }),
+            None => Ok(()),
+        }
     }
 }
 

@@ -4,6 +4,7 @@ use glam::DVec3;
 
 use crate::geometry::Aabb;
 use crate::geometry::frame::round_outward;
+use crate::geometry::polygon::Polygon;
 
 /// A half-space: the points with `normal · x <= offset`.
 #[derive(Clone, Copy, Debug)]
@@ -12,84 +13,23 @@ pub(super) struct HalfSpace {
     pub(super) offset: f64,
 }
 
-/// The most corners of a polygon that is cut; beyond, the rest of the cuts are left out, which
-/// gives a larger box.
-const MAX_CORNERS: usize = 24;
-
-/// A convex polygon: a triangle, cut.
-#[derive(Clone, Copy)]
-struct Polygon {
-    corners: [DVec3; MAX_CORNERS],
-    count: usize,
-}
-
-impl Polygon {
-    fn cut(&self, half_space: &HalfSpace) -> Polygon {
-        let mut part = Polygon {
-            corners: [DVec3::ZERO; MAX_CORNERS],
-            count: 0,
-        };
-        let mut add = |p: DVec3| {
-            part.corners[part.count] = p;
-            part.count += 1;
-        };
-        let corners = &self.corners[..self.count];
-        let height = |p: DVec3| half_space.normal.dot(p) - half_space.offset;
-        let mut p = corners[corners.len() - 1];
-        let mut h = height(p);
-        for &q in corners {
-            let k = height(q);
-            if (h <= 0.0) != (k <= 0.0) {
-                add(p + (q - p) * (h / (h - k)));
-            }
-            if k <= 0.0 {
-                add(q);
-            }
-            (p, h) = (q, k);
-        }
-        part
-    }
-}
-
 /// The box around the part of a triangle that lies in all `half_spaces`, widened by `reach` times
 /// the rounding of f64; empty if there is none.
 pub(super) fn clipped_box(corners: &[[f32; 3]; 3], half_spaces: &[HalfSpace], reach: f64) -> Aabb {
     let points = corners.map(|p| glam::Vec3::from(p).as_dvec3());
-    let mut polygon = Polygon {
-        corners: [DVec3::ZERO; MAX_CORNERS],
-        count: 3,
-    };
-    polygon.corners[..3].copy_from_slice(&points);
-    let mut is_cut = false;
+    let mut polygon = Polygon::new(&points);
     for half_space in half_spaces {
-        let outside = |p: &DVec3| half_space.normal.dot(*p) > half_space.offset;
-        if !points.iter().any(outside) || polygon.count + 1 > MAX_CORNERS {
-            continue;
-        }
-        is_cut = true;
-        polygon = polygon.cut(half_space);
-        if polygon.count == 0 {
-            return Aabb::EMPTY;
-        }
+        polygon.cut(|p| half_space.normal.dot(p) - half_space.offset);
     }
-    if !is_cut {
-        return Aabb::of_points(*corners);
+    let own = Aabb::of_points(*corners);
+    if polygon.corners() == points {
+        return own;
     }
-    let corners = &polygon.corners[..polygon.count];
-    let min = corners.iter().copied().reduce(DVec3::min);
-    let max = corners.iter().copied().reduce(DVec3::max);
-    match (min, max) {
-        (Some(min), Some(max)) => {
-            let cut = round_outward(min, max, reach);
-            let own = Aabb::of_points(points.map(|p| p.as_vec3().into()));
-            // Rounding must not widen what was whole.
-            Aabb {
-                min: std::array::from_fn(|i| cut.min[i].max(own.min[i])),
-                max: std::array::from_fn(|i| cut.max[i].min(own.max[i])),
-            }
-        }
-        _ => Aabb::EMPTY,
-    }
+    let Some((min, max)) = polygon.bounds() else {
+        return Aabb::EMPTY;
+    };
+    // Rounding must not widen what was whole.
+    round_outward(min, max, reach).intersection(&own)
 }
 
 #[cfg(test)]

@@ -97,8 +97,8 @@ pub(crate) struct Wide {
     /// The frames of the nodes, the world's first.
     pub(crate) frames: Vec<Frame>,
     /// The centre of the scene, which boxes are relative to.
-    pub(crate) center: [f64; 3],
-    /// Half the longest edge of the scene's box.
+    pub(crate) center: [f32; 3],
+    /// How far the scene reaches from there along an axis, at most.
     pub(crate) half_extent: f32,
 }
 
@@ -109,11 +109,21 @@ impl PartialEq for WideNode {
 }
 
 impl WideNode {
-    /// The children that there are.
-    pub(crate) fn present(&self) -> impl Iterator<Item = Child> {
+    /// The children that there are, with their places.
+    pub(crate) fn present(&self) -> impl Iterator<Item = (usize, Child)> {
         (0..WIDTH)
             .filter(|&i| self.bounds[0][i] <= self.bounds[3][i])
-            .map(|i| self.children[i].child())
+            .map(|i| (i, self.children[i].child()))
+    }
+
+    /// Whether a point of the world is in the box of a child.
+    pub(crate) fn holds(&self, slot: usize, p: [f64; 3], wide: &Wide) -> bool {
+        let relative = std::array::from_fn(|i| p[i] - f64::from(wide.center[i]));
+        let p = wide.frames[self.frame as usize].map(relative);
+        (0..3).all(|axis| {
+            let (low, high) = (self.bounds[axis][slot], self.bounds[axis + 3][slot]);
+            f64::from(low) <= p[axis] && p[axis] <= f64::from(high)
+        })
     }
 }
 
@@ -130,7 +140,7 @@ impl Wide {
             let node: &WideNode = &self.nodes[at];
             frames[node.frame as usize] += 1;
             deepest = deepest.max(depth);
-            for child in node.present() {
+            for (_, child) in node.present() {
                 match child {
                     Child::Node(child) => pending.push((child, depth + 1)),
                     Child::Leaf { .. } => leaves += 1,

@@ -41,11 +41,13 @@ pub(super) fn store(tree: &Tree, items: &Items) -> Result<Wide, BuildError> {
             true => vec![Frame::IDENTITY],
             false => shared.clone(),
         },
-        center: std::array::from_fn(|i| match is_empty {
-            true => 0.0,
-            false => 0.5 * (f64::from(bounds.min[i]) + f64::from(bounds.max[i])),
-        }),
-        half_extent: bounds.extent().into_iter().fold(0.0, f32::max) * 0.5,
+        center: match is_empty {
+            true => [0.0; 3],
+            false => bounds.center(),
+        },
+        // More than half the longest edge: the centre is rounded.
+        half_extent: bounds.extent().into_iter().fold(0.0, f32::max) * 0.5
+            + f32::EPSILON * bounds.reach(),
     };
     let mut writer = Writer {
         tree,
@@ -144,7 +146,7 @@ impl Writer<'_> {
             frame,
             unused: [0; 7],
         });
-        let center = self.wide.frames[frame as usize].map(self.wide.center);
+        let center = self.wide.frames[frame as usize].map(self.wide.center.map(f64::from));
         let mut children = children.to_vec();
         // Any-hit queries take children in the order in which they are stored.
         let worth = |&child: &usize| self.odds[child].stopped / self.odds[child].cost;
