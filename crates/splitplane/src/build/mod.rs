@@ -2,12 +2,17 @@
 
 mod cell;
 mod cost;
+mod extents;
 mod grow;
+mod lists;
 mod objects;
 mod params;
+mod search;
 mod sweep;
 mod ties;
 mod triangle_planes;
+mod watch;
 
 pub(crate) use grow::{Built, BuiltNode, Origin, SplitPlane, grow};
 pub use params::{BuildError, BuildParams, BuildStats, DepthLimit, ObliquePricing, Ties, Wins};
+pub use watch::Progress;
