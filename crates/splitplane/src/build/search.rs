@@ -431,3 +431,109 @@ pub(super) fn touching(tolerance: Option<f32>, rule: u8) -> Touching {
         },
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::build::extents::Extents;
+    use crate::build::sweep::{Events, search_extents};
+    use crate::geometry::polytope::CutScratch;
+    use proptest::prelude::*;
+
+    fn unit(v: [f64; 3]) -> Option<DVec3> {
+        DVec3::from(v).try_normalize()
+    }
+
+    fn direction() -> impl Strategy<Value = [f64; 3]> {
+        prop_oneof![
+            [-1.0..1.0f64, -1.0..1.0, -1.0..1.0],
+            [-1i8..=1, -1i8..=1, -1i8..=1].prop_map(|v| v.map(f64::from)),
+        ]
+    }
+
+    /// A box that a few planes have been cut off.
+    fn cell(planes: &[([f64; 3], f64)]) -> Polytope {
+        let start = Aabb {
+            min: [-1.0, -2.0, -0.5],
+            max: [1.0, 1.5, 3.0],
+        };
+        let mut cell = Polytope::from_box(&start);
+        for &(normal, at) in planes {
+            let Some(normal) = unit(normal) else { continue };
+            let mut aim = Aim::default();
+            aim.at(&cell, normal);
+            let (low, high) = aim.ends();
+            let offset = low + at * (high - low);
+            let parts = cell.cut(normal, offset, [true, false], &mut CutScratch::default());
+            if let Some([Some(below), _]) = parts {
+                cell = below;
+            }
+        }
+        cell
+    }
+
+    proptest! {
+        #![proptest_config(crate::testing::cases(3_000))]
+
+        /// Bounds, bins and what is left unmeasured change nothing: the best plane costs what the
+        /// best of all planes costs when each is measured.
+        #[test]
+        fn bounds_leave_out_only_what_cannot_win(
+            planes in prop::collection::vec((direction(), 0.2..1.0f64), 0..6),
+            directions in prop::collection::vec(direction(), 1..4),
+            extents in prop::collection::vec((-3.0f32..3.0, 0.0f32..2.0), 2..80),
+            (tolerant, bonus, bar) in (any::<bool>(), 0..2, prop_oneof![Just(f64::INFINITY), 0.3..1.0f64]),
+        ) {
+            let cell = cell(&planes);
+            prop_assume!(cell.volume() > 1e-3);
+            let shape = Shape::of(&cell);
+            let tolerance = tolerant.then_some(1e-5f32);
+            let empty_bonus = 0.5 * f64::from(bonus);
+            let bar = bar * extents.len() as f64;
+            let mut scratch = SearchScratch::default();
+            let mut search = Search::new(shape.area, Some(shape), (bar, empty_bonus), &mut scratch);
+            let (mut least, mut inside, mut found_inside) = (bar, 0, 0);
+            for direction in directions.iter().filter_map(|&d| unit(d)) {
+                let (mins, maxs) = extents.iter().map(|&(min, length)| (min, min + length)).unzip();
+                let mut all = Extents { mins, maxs };
+                search.turn(direction, true);
+                let mut events = Events::default();
+                found_inside += search_extents(&mut all, tolerance, &mut events, &mut search);
+                search.probe();
+                // Each plane, measured.
+                let mut aim = Aim::default();
+                aim.at(&cell, direction);
+                let (low, high) = aim.inside();
+                let mut measure = |t: f32, sides: &dyn Fn(&Boundary) -> (usize, usize)| {
+                    for rule in [0, 1] {
+                        let boundary = Boundary { offset: t, touching: touching(tolerance, rule) };
+                        let (below, above) = sides(&boundary);
+                        let areas = aim.areas(&cell, shape.area, f64::from(t));
+                        let mut tests = areas.0 * below as f64 + areas.1 * above as f64;
+                        if below == 0 || above == 0 {
+                            tests *= 1.0 - empty_bonus;
+                        }
+                        least = least.min(tests);
+                    }
+                };
+                for (&min, &max) in all.mins.iter().zip(&all.maxs) {
+                    let is_flat = tolerance.is_some_and(|e| crate::build::ties::is_flat((min, max), e));
+                    for t in [min, max].into_iter().skip(usize::from(is_flat)) {
+                        if !(low < f64::from(t) && f64::from(t) < high) {
+                            continue;
+                        }
+                        inside += 1;
+                        measure(t, &|boundary| {
+                            let sides = || all.mins.iter().zip(&all.maxs).map(|(&a, &b)| boundary.sides((a, b)));
+                            (sides().filter(|s| s.0).count(), sides().filter(|s| s.1).count())
+                        });
+                    }
+                }
+            }
+            let best = search.finish(tolerance);
+            prop_assert_eq!(found_inside, inside);
+            let found = best.map_or(bar, |(_, best)| best.expected_tests);
+            prop_assert!(found == least || (found - least).abs() <= 1e-6 * least, "{found} {least}");
+        }
+    }
+}

@@ -204,7 +204,14 @@ fn compare<const N: usize>(extents: &Extents, tolerance: Option<f32>, search: &m
         }
     }
     let any_flat = flat.contains(&true);
-    for (planes, are_starts) in [(&mins, true), (&maxs, false)] {
+    // The start of a flat triangle is no candidate.
+    let mut starts = mins;
+    for i in 0..n {
+        if flat[i] {
+            starts[i] = f32::INFINITY;
+        }
+    }
+    for planes in [&starts, &maxs] {
         let (started, ended) = (before(&begin, planes), up_to(&end, planes));
         // Those that are flat are below where they end before the plane.
         let held = match any_flat {
@@ -215,10 +222,14 @@ fn compare<const N: usize>(extents: &Extents, tolerance: Option<f32>, search: &m
             false => [0; N],
         };
         for i in 0..n {
-            if (are_starts && flat[i]) || !is_inside(search.inside(), planes[i]) {
+            if !is_inside(search.inside(), planes[i]) {
                 continue;
             }
             candidates += 1;
+            // Neighbours share corners: what was considered once is known.
+            if planes[..i].contains(&planes[i]) {
+                continue;
+            }
             let [started, ended, held] = [started[i], ended[i], held[i]].map(|n| n as usize);
             let (below, above) = (started + held, n - ended);
             search.consider(planes[i], 0, below, above);

@@ -194,14 +194,7 @@ impl Aim {
                 continue;
             }
             // Seen from where the loop leaves the part below, what lies there is a fan.
-            let crossing = |i: u16, j: u16| {
-                // From below to above whichever way the edge runs, so that both faces of the edge
-                // get the same point.
-                let (b, a) = if height(i) <= t { (i, j) } else { (j, i) };
-                let step = (t - height(b)) / (height(a) - height(b));
-                let [p, q] = [b, a].map(|i| polytope.vertices[usize::from(i)]);
-                p + (q - p) * step
-            };
+            let crossing = |i: u16, j: u16| crossing(&polytope.vertices, heights, t, (i, j));
             let count = indices.len();
             let next = |k: usize| if k + 1 == count { 0 } else { k + 1 };
             let is_in = |k: usize| height(indices[k]) <= t;
@@ -230,6 +223,16 @@ impl Aim {
         }
         (below, 0.5 * cap.length())
     }
+}
+
+/// Where an edge passes the height `t`: from below to above whichever way the edge runs, so that both
+/// faces of the edge get the same point.
+#[inline(always)]
+fn crossing(vertices: &[DVec3], heights: &[f64], t: f64, (i, j): (u16, u16)) -> DVec3 {
+    let [i, j] = [i, j].map(usize::from);
+    let (b, a) = if heights[i] <= t { (i, j) } else { (j, i) };
+    let step = (t - heights[b]) / (heights[a] - heights[b]);
+    vertices[b] + (vertices[a] - vertices[b]) * step
 }
 
 /// How far a polytope reaches along a direction.
