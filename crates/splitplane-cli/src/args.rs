@@ -69,21 +69,30 @@ pub struct RenderCommand {
 }
 
 /// Build a tree over a scene's triangles and print its card: nodes, leaves, expected cost.
+///
+/// Several trees, or several builds of them, give a table of their build times, interleaved.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   splitplane build truck --tree wn+kd:6
+  splitplane build truck --tree kd,wn+kd:6,ize-kd --repeat 5 --threads 1
   splitplane build model.ply --tree kd --preset thesis --json")]
 pub struct BuildCommand {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// The tree, e.g. kd or wn+kd:6
-    #[arg(long)]
-    pub tree: TreeChoice,
+    /// The tree, e.g. kd or wn+kd:6; several, separated by commas, are compared with the first
+    #[arg(long, required = true, value_delimiter = ',', value_name = "TREE,...")]
+    pub tree: Vec<TreeChoice>,
+    /// Build each tree this many times, interleaved; times are medians
+    #[arg(long, default_value_t = 1, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u32).range(1..=1000))]
+    pub repeat: u32,
     #[command(flatten)]
     pub build: BuildArgs,
-    /// Print the card as JSON
+    /// Print the card as JSON; the cards of all builds where there are several
     #[arg(long)]
     pub json: bool,
+    /// Print the table as Markdown
+    #[arg(long)]
+    pub markdown: bool,
     #[command(flatten)]
     pub general: GeneralArgs,
 }

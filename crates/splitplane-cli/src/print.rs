@@ -68,3 +68,13 @@ pub fn table(header: Vec<String>, rows: Vec<Vec<String>>) -> Table {
     }
     table
 }
+
+/// The same in Markdown.
+pub fn markdown(header: &[String], rows: &[Vec<String>]) -> String {
+    let line = |cells: &[String]| format!("| {} |\n", cells.join(" | "));
+    let mut rule = vec!["--:".to_owned(); header.len()];
+    rule[0] = ":--".to_owned();
+    let mut text = line(header) + &line(&rule);
+    rows.iter().for_each(|row| text += &line(row));
+    text.trim_end().to_owned()
+}

@@ -6,7 +6,7 @@ use splitplane_render::scene::Scene;
 
 use crate::LabError;
 use crate::record::{PerRay, Record};
-use crate::run::{Settings, build, record, render_with};
+use crate::run::{Settings, build_watched, record, render_with};
 use crate::stats::median;
 
 /// What a comparison is about to do.
@@ -31,7 +31,7 @@ pub enum Task {
     Count,
 }
 
-/// Watches a comparison, and its renderings; may stop it while it renders.
+/// Watches a comparison, its builds and its renderings, and may stop them.
 pub trait Watch: Progress {
     /// The next step begins.
     fn step(&self, _step: Step) {}
@@ -114,7 +114,7 @@ pub fn compare(
                 });
             };
             step(Task::Build);
-            let built = build(&scene.mesh, tree, settings)?;
+            let built = build_watched(&scene.mesh, tree, settings, watch)?;
             step(Task::Time);
             let timed = render_with(scene, &built, settings, false, watch)?;
             if let Some(first) = references.first()

@@ -30,7 +30,7 @@ pub use reproduce::{
     Figure, FigureLine, FigureTable, Measured, figure_tables, reproduce, reproduction_steps,
     trees_of_the_thesis,
 };
-pub use run::{Built, Settings, build, record, render_with};
+pub use run::{Built, Settings, build, build_watched, record, render_with};
 pub use slice::{Slice, SliceSettings};
 pub use stats::median;
 pub use write::write_whole;

@@ -219,6 +219,8 @@ pub struct CardRecord {
     pub candidates: u64,
     /// Splits whose cells kept their parent's shape because it was too thin to be cut.
     pub uncut_cells: u64,
+    /// Leaves that are leaves because the tree would have too many references.
+    pub limited_leaves: u64,
     /// Triangles in the largest leaf.
     pub largest_leaf: u64,
     /// Leaves by their number of triangles: `[triangles, leaves]`, ascending.
@@ -315,6 +317,7 @@ impl CardRecord {
             bad_refines: build.bad_refines,
             candidates: build.candidates,
             uncut_cells: build.uncut_cells,
+            limited_leaves: build.limited_leaves,
             largest_leaf,
             leaf_sizes,
             interior_by_depth: depths,

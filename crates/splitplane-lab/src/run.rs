@@ -2,8 +2,8 @@
 
 use std::time::Instant;
 
-use splitplane::{BuildParams, Counts, Mesh, Traversal, Tree, TreeCard, TreeChoice};
-use splitplane_render::render::{Progress, RenderSettings, Rendered, render};
+use splitplane::{BuildParams, Counts, Mesh, Progress, Traversal, Tree, TreeCard, TreeChoice};
+use splitplane_render::render::{RenderSettings, Rendered, render};
 use splitplane_render::scene::{Scene, settings::Integrator};
 
 use crate::LabError;
@@ -57,13 +57,26 @@ pub struct Built {
 /// # Errors
 /// Parameters out of range, a tree too large for its nodes, or no threads.
 pub fn build(mesh: &Mesh, choice: TreeChoice, settings: &Settings) -> Result<Built, LabError> {
+    build_watched(mesh, choice, settings, &())
+}
+
+/// As [`build`], watched.
+///
+/// # Errors
+/// As [`build`], or cancelled by `progress`.
+pub fn build_watched(
+    mesh: &Mesh,
+    choice: TreeChoice,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<Built, LabError> {
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(settings.render.threads)
         .build()
         .map_err(|source| LabError::Threads { source })?;
     let machine = Machine::now();
     let start = Instant::now();
-    let tree = pool.install(|| Tree::build(mesh, choice, &settings.params));
+    let tree = pool.install(|| Tree::build_watched(mesh, choice, &settings.params, progress));
     let seconds = start.elapsed().as_secs_f64();
     let tree = tree.map_err(|source| LabError::Build {
         tree: choice.to_string(),

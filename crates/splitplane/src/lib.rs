@@ -30,7 +30,9 @@ mod geometry;
 mod query;
 mod tree;
 
-pub use build::{BuildError, BuildParams, BuildStats, DepthLimit, ObliquePricing, Ties, Wins};
+pub use build::{
+    BuildError, BuildParams, BuildStats, DepthLimit, ObliquePricing, Progress, Ties, Wins,
+};
 pub use catalog::{Directions, ParseTreeError, TREES, TreeChoice, TreeSpec};
 pub use geometry::{Aabb, Mesh, MeshError, Ray, Skipped};
 pub use query::{Counters, Counts, Hit, Traversal};

@@ -1,8 +1,10 @@
 //! Every tree, on scenes that are hard in different ways, against testing every triangle.
 
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use splitplane::{
-    BuildParams, Counts, DepthLimit, Directions, Hit, Layout, Mesh, Ray, TREES, Ties, Tree,
-    TreeChoice,
+    BuildError, BuildParams, Counts, DepthLimit, Directions, Hit, Layout, Mesh, Progress, Ray,
+    TREES, Ties, Tree, TreeChoice,
 };
 
 mod common;
@@ -395,4 +397,76 @@ fn rays_that_are_no_rays_miss() {
         tree.closest_hit(&Ray::new([0.0; 3], [0.0; 3]), &mut ()),
         None
     );
+}
+
+/// Remembers how far a build has come, and stops it there.
+struct StopAt {
+    seen: AtomicU64,
+    at: u64,
+}
+
+impl Progress for StopAt {
+    fn advanced(&self, done: u64, total: u64) {
+        assert!(done <= total, "{done} of {total}");
+        self.seen.fetch_max(done, Ordering::Relaxed);
+    }
+
+    fn cancelled(&self) -> bool {
+        self.seen.load(Ordering::Relaxed) >= self.at
+    }
+}
+
+#[test]
+fn a_build_tells_how_far_it_is_and_can_be_stopped() {
+    let mesh = soup(2_000, 0.1);
+    for spec in TREES {
+        let choice = TreeChoice::new(spec.name, None).unwrap();
+        let build = |at| {
+            let watch = StopAt {
+                seen: AtomicU64::new(0),
+                at,
+            };
+            let tree = Tree::build_watched(&mesh, choice, &BuildParams::default(), &watch);
+            (tree, watch.seen.into_inner())
+        };
+        let (tree, seen) = build(u64::MAX);
+        assert_eq!(seen, 2_000, "{choice}");
+        assert!(tree.unwrap() == Tree::build(&mesh, choice, &BuildParams::default()).unwrap());
+        for at in [0, 500] {
+            let (tree, seen) = build(at);
+            assert_eq!(tree.unwrap_err(), BuildError::Cancelled, "{choice}");
+            assert!(seen < 2_000, "{choice} went on to {seen}");
+        }
+    }
+}
+
+#[test]
+fn a_tree_has_no_more_references_than_it_may() {
+    let mesh = needles(300);
+    let brute = brute_force(&mesh);
+    for spec in TREES.iter().filter(|spec| !spec.objects) {
+        let choice = TreeChoice::new(spec.name, None).unwrap();
+        let full = Tree::build(&mesh, choice, &BuildParams::default()).unwrap();
+        let card = full.card();
+        assert_eq!(card.build.limited_leaves, 0, "{choice}");
+        for max_references in [0.0, 1.0, 1.5, 3.0] {
+            let params = BuildParams {
+                max_references,
+                ..BuildParams::default()
+            };
+            let tree = Tree::build(&mesh, choice, &params).unwrap();
+            tree.validate().unwrap();
+            let limited = tree.card();
+            let limit = max_references.max(1.0) * 300.0;
+            assert!(limited.references as f64 <= limit, "{choice}: {limit}");
+            let is_limited = card.references as f64 > limit;
+            assert_eq!(is_limited, limited.build.limited_leaves > 0, "{choice}");
+            for ray in rays(&mesh).iter().step_by(7) {
+                assert_eq!(
+                    bits(tree.closest_hit(ray, &mut ())),
+                    bits(brute.closest_hit(ray, &mut ()))
+                );
+            }
+        }
+    }
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use splitplane_lab::{CardRecord, Preset, build};
+use splitplane_lab::{CardRecord, Preset, build_watched, median};
 
 use crate::args::BuildCommand;
 use crate::failure::Failure;
@@ -16,17 +16,86 @@ pub fn run(command: &BuildCommand) -> Result<(), Failure> {
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, quiet)?;
-    bar.spin(format!("{}: building the tree", command.tree));
-    let built = build(&scene.mesh, command.tree, &settings)?;
+    let mut cards = Vec::new();
+    for repetition in 0..command.repeat {
+        for &tree in &command.tree {
+            let which = match command.repeat {
+                1 => String::new(),
+                repeat => format!(" ({} of {repeat})", repetition + 1),
+            };
+            bar.spin(format!("{tree}: building the tree{which}"));
+            let built = build_watched(&scene.mesh, tree, &settings, &bar)?;
+            cards.push(CardRecord::new(&built, &scene.name, &settings));
+        }
+    }
     progress::clear();
-    let card = CardRecord::new(&built, &scene.name, &settings);
-    if command.json {
-        let json = serde_json::to_string_pretty(&card).map_err(Failure::input)?;
-        print::line(&json)?;
-    } else {
-        print::line(&text(&card))?;
+    match (&cards[..], command.json) {
+        ([card], false) => print::line(&text(card))?,
+        ([card], true) => print::line(&json(card)?)?,
+        (cards, true) => print::line(&json(cards)?)?,
+        (cards, false) => print::line(&table(cards, command))?,
     }
     Ok(())
+}
+
+fn json(value: &(impl serde::Serialize + ?Sized)) -> Result<String, Failure> {
+    serde_json::to_string_pretty(value).map_err(Failure::input)
+}
+
+/// How long several trees took, and what came of it.
+fn table(cards: &[CardRecord], command: &BuildCommand) -> String {
+    let trees = command.tree.len();
+    let header = [
+        "tree",
+        "build time",
+        "from",
+        "to",
+        "× first",
+        "nodes",
+        "references",
+        "SAH cost",
+        "size",
+    ];
+    let rows: Vec<Vec<String>> = (0..trees)
+        .map(|tree| {
+            let own = || cards.iter().skip(tree).step_by(trees);
+            let times = || own().map(|card| card.build_s);
+            // As often as each was built, each was built with the first.
+            let ratios = own().zip(cards.iter().step_by(trees));
+            let ratio = median(ratios.map(|(own, first)| own.build_s / first.build_s));
+            let card = &cards[tree];
+            vec![
+                command.tree[tree].to_string(),
+                seconds(median(times()).unwrap_or_default()),
+                seconds(times().fold(f64::INFINITY, f64::min)),
+                seconds(times().fold(0.0, f64::max)),
+                measured(ratio.unwrap_or_default()),
+                grouped(card.nodes.total()),
+                grouped(card.references),
+                measured(card.sah_cost),
+                bytes(card.tree_bytes),
+            ]
+        })
+        .collect();
+    let header = header.map(str::to_owned).to_vec();
+    let table = match command.markdown {
+        true => print::markdown(&header, &rows),
+        false => print::table(header, rows).trim_fmt(),
+    };
+    let card = &cards[0];
+    format!(
+        "{table}\n\n{}, {}: {} parameters, ties {}, seed {}, {}, {}",
+        card.scene,
+        count(card.triangles, "triangle"),
+        card.preset,
+        card.build_params.ties,
+        card.seed,
+        count(card.threads as u64, "thread"),
+        match command.repeat {
+            1 => "built once".to_owned(),
+            repeat => format!("medians of {repeat} builds, interleaved"),
+        }
+    )
 }
 
 /// The card, to be read.
@@ -87,6 +156,7 @@ fn text(card: &CardRecord) -> String {
         ("  by planes of triangles", won(card.wins.triangle)),
         ("  by planes of edges", won(card.wins.edge)),
         ("uncut cells", grouped(card.uncut_cells)),
+        ("leaves by the limit", grouped(card.limited_leaves)),
     ];
     let rows = rows
         .map(|(label, value)| vec![label.to_owned(), value])

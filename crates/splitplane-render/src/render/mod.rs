@@ -140,19 +140,9 @@ pub struct Rendered {
     pub seconds: f64,
 }
 
-/// Watches a rendering, and may stop it.
-pub trait Progress: Sync {
-    /// `done` of `total` camera rays have been traced to their end. Called now and then, from any
-    /// thread.
-    fn advanced(&self, _done: u64, _total: u64) {}
-    /// Asked often; once it says yes, the rendering ends with [`RenderError::Cancelled`].
-    fn cancelled(&self) -> bool {
-        false
-    }
-}
-
-/// Watches nothing, never stops.
-impl Progress for () {}
+/// Watches a rendering, and may stop it: `done` of `total` camera rays have been traced to their
+/// end.
+pub use splitplane::Progress;
 
 /// Why a scene could not be rendered.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]

@@ -1,5 +1,7 @@
 //! The cell of a node: a box while only axes have split it, then a convex polytope.
 
+use std::borrow::Cow;
+
 use super::grow::SplitPlane;
 use crate::geometry::Aabb;
 use crate::geometry::polytope::{CutScratch, Polytope};
@@ -19,28 +21,33 @@ impl Cell {
     }
 
     /// The cell as a polytope.
-    pub(crate) fn to_polytope(&self) -> std::borrow::Cow<'_, Polytope> {
+    pub(crate) fn to_polytope(&self) -> Cow<'_, Polytope> {
         match self {
-            Cell::Box(aabb) => std::borrow::Cow::Owned(Polytope::from_box(aabb)),
-            Cell::Polytope(polytope) => std::borrow::Cow::Borrowed(polytope),
+            Cell::Box(aabb) => Cow::Owned(Polytope::from_box(aabb)),
+            Cell::Polytope(polytope) => Cow::Borrowed(polytope),
         }
     }
 
-    /// Both parts of the cell; `None` where it is too thin to be cut.
-    pub(crate) fn cut(&self, plane: &SplitPlane, scratch: &mut CutScratch) -> Option<(Cell, Cell)> {
+    /// Those of the parts below and above that are wanted; `None` where the cell is too thin to be
+    /// cut.
+    pub(crate) fn cut(
+        &self,
+        plane: &SplitPlane,
+        wanted: [bool; 2],
+        scratch: &mut CutScratch,
+    ) -> Option<[Option<Cell>; 2]> {
         match (self, plane.axis()) {
             (Cell::Box(aabb), Some(axis)) => {
                 let (mut below, mut above) = (*aabb, *aabb);
                 below.max[axis] = plane.boundary.offset;
                 above.min[axis] = plane.boundary.offset;
-                Some((Cell::Box(below), Cell::Box(above)))
+                Some([below, above].map(|part| Some(Cell::Box(part))))
             }
             _ => {
                 let normal = glam::Vec3::from(plane.normal).as_dvec3();
-                let (below, above) =
-                    self.to_polytope()
-                        .cut(normal, f64::from(plane.boundary.offset), scratch)?;
-                Some((Cell::Polytope(below), Cell::Polytope(above)))
+                let offset = f64::from(plane.boundary.offset);
+                let parts = self.to_polytope().cut(normal, offset, wanted, scratch)?;
+                Some(parts.map(|part| part.map(Cell::Polytope)))
             }
         }
     }

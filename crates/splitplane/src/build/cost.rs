@@ -1,7 +1,7 @@
 //! What a split costs, and whether it is worth it.
 
 use super::params::{BuildParams, ObliquePricing};
-use super::sweep::Best;
+use super::search::Best;
 use crate::catalog::TreeSpec;
 
 /// The best candidates of a node, by the kind of node that they would make.
@@ -15,6 +15,8 @@ pub(crate) struct Contest<P> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Choice<P> {
     pub(crate) plane: P,
+    /// The areas of the cells below and above, as fractions of the node's.
+    pub(crate) areas: (f64, f64),
     /// The split does not beat a leaf.
     pub(crate) bad_refine: bool,
     /// The split is so much worse than a leaf that a small node is better left alone.
@@ -41,6 +43,36 @@ impl<P: Copy> Contest<P> {
         }
     }
 
+    /// Only a candidate of fewer expected tests than this can change what is decided.
+    pub(crate) fn bar(
+        &self,
+        is_axis: bool,
+        spec: &TreeSpec,
+        params: &BuildParams,
+        n: usize,
+    ) -> f64 {
+        let tests = |slot: &Option<(P, Best)>| match slot {
+            Some((_, best)) => best.expected_tests,
+            None => f64::INFINITY,
+        };
+        if is_axis {
+            return tests(&self.axis);
+        }
+        let (axis, oblique) = (tests(&self.axis), tests(&self.oblique));
+        if !spec.axis_nodes {
+            return oblique.min(axis);
+        }
+        // Where the best axis beats a leaf, the constant price decides nothing any more, and an
+        // oblique plane must make up for the linear one.
+        let axis_cost = params.kd_traversal_cost + params.intersection_cost * axis;
+        if axis_cost >= params.intersection_cost * n as f64 {
+            return oblique;
+        }
+        let linear = linear_cost(params, n);
+        let rounding = 1e-12 * (axis_cost + linear);
+        oblique.min((axis_cost - linear + rounding) / params.intersection_cost)
+    }
+
     /// The split to make in a node of `n` triangles, priced as the tree prices; `None` where there
     /// is no candidate.
     pub(crate) fn decide(
@@ -61,8 +93,9 @@ impl<P: Copy> Contest<P> {
             (Some(a), Some(b)) if b.0 < a.0 => Some(b),
             (a, b) => a.or(b),
         };
-        let choice = |(_, plane, _): (f64, P, Best), lowest_cost: f64| Choice {
+        let choice = |(_, plane, best): (f64, P, Best), lowest_cost: f64| Choice {
             plane,
+            areas: best.areas,
             bad_refine: lowest_cost > leaf_cost,
             hopeless: lowest_cost > 4.0 * leaf_cost && n < 16,
         };
@@ -71,9 +104,7 @@ impl<P: Copy> Contest<P> {
             let first = cheaper(priced(self.axis, constant), priced(self.oblique, constant))?;
             return Some(choice(first, first.0));
         }
-        let (ObliquePricing::Published { alpha } | ObliquePricing::Fork { alpha }) =
-            params.oblique_pricing;
-        let linear = alpha * params.intersection_cost * (n as f64 - 1.0) + params.kd_traversal_cost;
+        let linear = linear_cost(params, n);
         let first = cheaper(
             priced(self.axis, params.kd_traversal_cost),
             priced(self.oblique, linear),
@@ -90,4 +121,11 @@ impl<P: Copy> Contest<P> {
         };
         Some(choice(taken, lowest_cost))
     }
+}
+
+/// What a visit of an oblique node of `n` triangles costs where it competes with kd nodes.
+fn linear_cost(params: &BuildParams, n: usize) -> f64 {
+    let (ObliquePricing::Published { alpha } | ObliquePricing::Fork { alpha }) =
+        params.oblique_pricing;
+    alpha * params.intersection_cost * (n as f64 - 1.0) + params.kd_traversal_cost
 }

@@ -1,24 +1,28 @@
 //! The top-down loop.
 
-use std::collections::HashMap;
+use rayon::prelude::*;
 
 use super::cell::Cell;
 use super::cost::{Choice, Contest};
+use super::extents::{Corners, Extents};
+use super::lists::{LISTS_FROM, MAX_LISTED, SortedLists};
 use super::params::{BuildParams, BuildStats, Ties};
-use super::sweep::Events;
-use super::ties::{Boundary, Touching};
-use super::triangle_planes::{self, Counter};
+use super::search::{Search, SearchScratch, Shape};
+use super::sweep::{Events, search_extents, sweep};
+use super::ties::Boundary;
+use super::triangle_planes::{self, PlaneSearch, TrianglePlane};
+use super::watch::{Progress, WHOLE, Watched, divide};
 use super::{framed, objects};
 use crate::catalog::{Directions, TreeChoice};
 use crate::directions::{self, NodeView, Random, fixed};
-use crate::geometry::polytope::{CutScratch, Polytope, Profile};
+use crate::geometry::polytope::CutScratch;
 use crate::geometry::{Aabb, Frame, Mesh};
 
 /// Subtrees with at least this many triangles are built in parallel.
 pub(super) const PARALLEL_FROM: usize = 4096;
 
-/// In a node of at least this many triangles, equal planes of triangles are priced once.
-const REMEMBER_FROM: usize = 32;
+/// In a node of at least this many triangles it is asked whether to stop.
+pub(super) const ASKED_FROM: usize = 64;
 
 /// A path ends after this many bad refines [PBRT3, 4.4].
 const MAX_BAD_REFINES: u8 = 3;
@@ -129,59 +133,101 @@ impl Built {
 /// A node to be built.
 struct Node {
     triangles: Vec<u32>,
-    cell: Cell,
+    /// Where the triangles start and end, in nodes that are large enough for it.
+    lists: Option<Box<SortedLists>>,
+    /// `None` where the node is sure to be a leaf.
+    cell: Option<Cell>,
+    /// The area of the cell.
+    area: f64,
     depth: u32,
     bad_refines: u8,
     /// Names the node's place in the tree, for its random numbers.
     path: u64,
+    /// The node's share of the references that the tree may have.
+    references: f64,
+    /// The node's share of the work.
+    share: u64,
 }
 
 /// Buffers of one thread.
 #[derive(Default)]
 struct Scratch {
-    /// The corners of the node's triangles, side by side: they are gone through once a direction.
-    corners: Vec<[[f32; 3]; 3]>,
+    corners: Corners,
+    extents: Extents,
     events: Events,
     directions: Vec<[f32; 3]>,
-    profile: Profile,
-    heights: Vec<f64>,
+    search: SearchScratch,
     cut: CutScratch,
+    /// On which sides of a plane a triangle of the mesh is: 1 below, 2 above, 3 both.
+    sides: Vec<u8>,
 }
 
 struct Builder<'a> {
     mesh: &'a Mesh,
+    /// The corners and unit normals of the mesh's triangles, by index.
+    corners: Vec<[[f32; 3]; 3]>,
     normals: Vec<[f32; 3]>,
-    /// The directions of the whole tree, where it has such.
-    fixed: Vec<[f32; 3]>,
+    /// Ize's planes of the mesh's triangles, where they are candidates.
+    planes: Vec<[TrianglePlane; 4]>,
+    /// The directions that are swept in every node, and what they are.
+    everywhere: Vec<([f32; 3], Origin)>,
     choice: TreeChoice,
     params: &'a BuildParams,
     max_depth: u32,
     /// The tolerance of ties; `None` as published.
     tolerance: Option<f32>,
+    watched: Watched<'a>,
 }
 
-/// Builds the tree, on the threads of the current rayon pool.
-pub(crate) fn grow(mesh: &Mesh, choice: TreeChoice, params: &BuildParams) -> Built {
-    if choice.spec.frames {
-        return framed::grow(mesh);
-    }
-    if choice.spec.objects {
-        return objects::grow(mesh, params);
-    }
+/// Builds the tree, on the threads of the current rayon pool; `None` if it was cancelled.
+pub(crate) fn grow(
+    mesh: &Mesh,
+    choice: TreeChoice,
+    params: &BuildParams,
+    progress: &dyn Progress,
+) -> Option<Built> {
+    let spec = choice.spec;
     let triangles = mesh.usable_triangles().to_vec();
+    let limit = params.max_references * triangles.len() as f64;
+    let watched = |limit| Watched::new(progress, triangles.len(), limit);
+    if spec.frames {
+        return framed::grow(mesh, &watched(f64::INFINITY));
+    }
+    if spec.objects {
+        return objects::grow(mesh, params, &watched(f64::INFINITY));
+    }
     let bounds = mesh.bounds();
-    let builder = Builder {
+    let fixed = match spec.directions {
+        Directions::Fixed => fixed::directions(
+            choice.direction_count.unwrap_or_default() as usize,
+            spec.axes,
+        ),
+        _ => Vec::new(),
+    };
+    let axes = if spec.axes { AXES.as_slice() } else { &[] };
+    let listed_axes = axes.iter().map(|&axis| (axis, Origin::Axis));
+    let listed_fixed = fixed.iter().enumerate().skip(axes.len());
+    let all = || 0..mesh.triangles().len() as u32;
+    let corners: Vec<_> = all().map(|i| mesh.corners(i)).collect();
+    let mut builder = Builder {
         mesh,
-        normals: (0..mesh.triangles().len() as u32)
-            .map(|i| mesh.normal(i))
-            .collect(),
-        fixed: match choice.spec.directions {
-            Directions::Fixed => fixed::directions(
-                choice.direction_count.unwrap_or_default() as usize,
-                choice.spec.axes,
-            ),
+        normals: match spec.directions {
+            Directions::SampledNormals | Directions::ClusteredNormals => {
+                all().map(|i| mesh.normal(i)).collect()
+            }
             _ => Vec::new(),
         },
+        planes: match spec.triangle_planes {
+            true => corners
+                .par_iter()
+                .map(|corners| triangle_planes::planes(corners, params.ties))
+                .collect(),
+            false => Vec::new(),
+        },
+        corners,
+        everywhere: listed_axes
+            .chain(listed_fixed.map(|(i, &direction)| (direction, Origin::Fixed(i as u8))))
+            .collect(),
         choice,
         params,
         max_depth: params.max_depth.for_triangles(triangles.len()),
@@ -189,18 +235,17 @@ pub(crate) fn grow(mesh: &Mesh, choice: TreeChoice, params: &BuildParams) -> Bui
             Ties::AsPublished => None,
             Ties::Tolerant => Some(params.ties.tolerance(&bounds)),
         },
+        watched: watched(limit),
     };
-    let mut built = Built::default();
-    let root = Node {
-        triangles,
-        cell: Cell::Box(bounds),
-        depth: 0,
-        bad_refines: 0,
-        path: Random::new(params.seed).next(),
-    };
-    builder.grow(root, &mut built, &mut Scratch::default());
-    built.fixed = builder.fixed;
-    built
+    // Which part of a tree takes too much is not known before it is all there, and must not depend
+    // on threads: so only once the limit is passed has every subtree its share of it.
+    let mut built = builder.run(f64::INFINITY);
+    if builder.watched.is_over() {
+        builder.watched = watched(f64::INFINITY);
+        built = builder.run(limit);
+    }
+    built.fixed = fixed;
+    (!builder.watched.is_stopped()).then_some(built)
 }
 
 impl BuildStats {
@@ -216,24 +261,49 @@ impl BuildStats {
 }
 
 impl Builder<'_> {
-    /// Appends the subtree of `node`.
-    fn grow(&self, node: Node, built: &mut Built, scratch: &mut Scratch) {
-        let area = if node.triangles.is_empty() {
-            0.0
-        } else {
-            node.cell.surface_area()
+    /// The whole tree, of no more references than `max_references` if it can be helped.
+    fn run(&self, max_references: f64) -> Built {
+        let triangles = self.mesh.usable_triangles().to_vec();
+        let splits = triangles.len() > self.params.max_prims as usize && self.max_depth > 0;
+        let cell = Cell::Box(self.mesh.bounds());
+        let root = Node {
+            lists: (splits && triangles.len() >= LISTS_FROM).then(|| self.sorted(&triangles)),
+            area: cell.surface_area(),
+            cell: splits.then_some(cell),
+            depth: 0,
+            bad_refines: 0,
+            path: Random::new(self.params.seed).next(),
+            references: max_references,
+            share: WHOLE,
+            triangles,
         };
-        let Some(choice) = self.split(&node, scratch, &mut built.stats) else {
+        let mut built = Built::default();
+        self.grow(root, &mut built, &mut Scratch::default());
+        built
+    }
+
+    /// Appends the subtree of `node`.
+    fn grow(&self, mut node: Node, built: &mut Built, scratch: &mut Scratch) {
+        let stopped = node.triangles.len() >= ASKED_FROM && self.watched.ask();
+        let children = match stopped {
+            true => None,
+            false => self.divide(&mut node, built, scratch),
+        };
+        let Some((plane, [below, above])) = children else {
             built.nodes.push(BuiltNode::Leaf {
                 count: node.triangles.len(),
-                area,
+                area: if node.triangles.is_empty() {
+                    0.0
+                } else {
+                    node.area
+                },
             });
             built.references.extend_from_slice(&node.triangles);
+            self.watched.finished(node.share, node.triangles.len());
             return;
         };
-        let plane = choice.plane;
-        built.stats.count_win(&plane);
-        let (below, above) = self.children(node, &choice, &mut built.stats, scratch);
+        let area = node.area;
+        drop(node);
         built.join(
             |above| BuiltNode::Interior { plane, above, area },
             below.triangles.len().min(above.triangles.len()) >= PARALLEL_FROM,
@@ -243,166 +313,162 @@ impl Builder<'_> {
         );
     }
 
-    /// The split of a node; `None` where it is to be a leaf.
-    fn split(
+    /// The plane that splits a node, and the two children; `None` where it is to be a leaf. Takes
+    /// what is the node's alone.
+    fn divide(
         &self,
-        node: &Node,
+        node: &mut Node,
+        built: &mut Built,
         scratch: &mut Scratch,
-        stats: &mut BuildStats,
-    ) -> Option<Choice<SplitPlane>> {
+    ) -> Option<(SplitPlane, [Node; 2])> {
         let n = node.triangles.len();
-        if n <= self.params.max_prims as usize || node.depth >= self.max_depth {
-            return None;
-        }
-        scratch.corners.clear();
-        scratch
-            .corners
-            .extend(node.triangles.iter().map(|&i| self.mesh.corners(i)));
-        let (contest, candidates) = self.contest(node, scratch);
+        let cell = node.cell.take()?;
+        let (contest, candidates) = self.contest(node, &cell, scratch);
+        let stats = &mut built.stats;
         stats.candidates += candidates;
         let choice = contest.decide(self.choice.spec, self.params, n)?;
         let bad_refines = node.bad_refines + u8::from(choice.bad_refine);
-        (!choice.hopeless && bad_refines < MAX_BAD_REFINES).then_some(choice)
+        if choice.hopeless || bad_refines >= MAX_BAD_REFINES {
+            self.recycle(cell, scratch);
+            return None;
+        }
+        let triangles = self.sides(node, &choice.plane, scratch);
+        let references = triangles[0].len() + triangles[1].len();
+        if references > n && references as f64 > node.references {
+            stats.limited_leaves += 1;
+            return None;
+        }
+        stats.count_win(&choice.plane);
+        stats.bad_refines += u64::from(choice.bad_refine);
+        let children = self.children(node, cell, &choice, triangles, (stats, scratch));
+        Some((choice.plane, children))
+    }
+
+    fn recycle(&self, cell: Cell, scratch: &mut Scratch) {
+        if let Cell::Polytope(polytope) = cell {
+            scratch.cut.recycle(polytope);
+        }
     }
 
     /// All candidates of a node.
-    fn contest(&self, node: &Node, scratch: &mut Scratch) -> (Contest<SplitPlane>, u64) {
-        let spec = self.choice.spec;
+    fn contest(
+        &self,
+        node: &Node,
+        cell: &Cell,
+        scratch: &mut Scratch,
+    ) -> (Contest<SplitPlane>, u64) {
+        let (spec, params) = (self.choice.spec, self.params);
+        let n = node.triangles.len();
         let mut contest = Contest::new();
         let mut candidates = 0;
-        let polytope = if spec.only_axes() {
-            None
-        } else {
-            Some(node.cell.to_polytope())
-        };
+        let polytope = (!spec.only_axes()).then(|| cell.to_polytope());
+        let shape = polytope.as_deref().map(Shape::of);
         let Scratch {
             corners,
+            extents,
             events,
             directions,
-            profile,
-            heights,
+            search: buffers,
             ..
         } = scratch;
-        let mut sweep = |normal: [f32; 3], origin: Origin| {
-            let mut plane = SplitPlane {
-                normal,
-                boundary: Boundary {
-                    offset: 0.0,
-                    touching: Touching::Both,
-                },
-                origin,
-            };
-            let axis = plane.axis();
-            let extents = corners
-                .iter()
-                .map(|corners| self.extent(axis, normal, corners));
-            events.fill(extents, self.tolerance);
-            match (&node.cell, axis, &polytope) {
-                (Cell::Box(aabb), Some(axis), _) => profile.fill_box(aabb, axis),
-                (_, _, Some(polytope)) => {
-                    let direction = glam::Vec3::from(normal).as_dvec3();
-                    profile.aim(polytope, direction);
-                    if events.any_inside(profile) {
-                        profile.fill_polytope(polytope, direction);
-                    }
-                }
-                (Cell::Polytope(_), _, None) | (_, None, None) => {
-                    unreachable!("only where all candidates are across axes there is no polytope")
-                }
-            }
-            let (best, inside) = events.sweep(self.tolerance, profile, self.params.empty_bonus);
-            candidates += inside;
-            if let Some(best) = best {
-                plane.boundary = best.boundary;
-                contest.enter(plane, origin == Origin::Axis, best);
-            }
-        };
-        if spec.axes {
-            AXES.into_iter().for_each(|axis| sweep(axis, Origin::Axis));
-        }
         directions.clear();
         let view = NodeView {
             normals: &self.normals,
             triangles: &node.triangles,
-            fixed: &self.fixed,
             random: Random::new(node.path),
         };
         directions::generate(self.choice, view, directions);
-        for (i, &direction) in directions.iter().enumerate() {
-            let origin = match spec.directions {
-                Directions::Fixed => Origin::Fixed((i + if spec.axes { 3 } else { 0 }) as u8),
-                _ => Origin::Direction,
-            };
-            sweep(direction, origin);
-        }
-        if let (true, Some(polytope)) = (spec.triangle_planes, &polytope) {
-            candidates += self.triangle_planes(corners, polytope, &mut contest, heights);
-        }
-        (contest, candidates)
-    }
-
-    /// Enters the planes of the node's triangles and says how many there were.
-    fn triangle_planes(
-        &self,
-        corners: &[[[f32; 3]; 3]],
-        cell: &Polytope,
-        contest: &mut Contest<SplitPlane>,
-        heights: &mut Vec<f64>,
-    ) -> u64 {
-        let ties = self.params.ties;
-        let counter = Counter::new(corners.to_vec(), ties, ties.overhang(&self.mesh.bounds()));
-        let area = cell.surface_area();
-        let mut entered = 0;
-        // Triangles of one plane, and neighbours, give the same candidates again and again: whether
-        // each passed through the cell.
-        let mut known = HashMap::new();
-        for candidate in corners.iter().flat_map(triangle_planes::candidates) {
-            let key = (
-                candidate.normal.map(f32::to_bits),
-                counter.offset(&candidate).to_bits(),
+        let listed = match &node.lists {
+            Some(_) => self.everywhere.len().min(MAX_LISTED),
+            None => 0,
+        };
+        if self.everywhere.len() + directions.len() > listed {
+            corners.gather(
+                node.triangles
+                    .iter()
+                    .map(|&triangle| self.corners[triangle as usize]),
             );
-            if corners.len() >= REMEMBER_FROM
-                && known.get(&key).is_some_and(|&inside| {
-                    entered += u64::from(inside);
-                    true
-                })
-            {
-                continue;
-            }
-            let bonus = self.params.empty_bonus;
-            let priced = triangle_planes::price(
-                &candidate,
-                &counter,
-                cell,
-                area,
-                self.tolerance,
-                bonus,
-                heights,
-            );
-            if corners.len() >= REMEMBER_FROM {
-                known.insert(key, priced.is_some());
-            }
-            if let Some(best) = priced {
-                entered += 1;
-                let origin = if candidate.is_edge {
-                    Origin::Edge
-                } else {
-                    Origin::Triangle
+        }
+        let own = directions
+            .iter()
+            .map(|&direction| (direction, Origin::Direction));
+        let all = || self.everywhere.iter().copied().chain(own.clone());
+        let area = shape.map_or(node.area, |shape| shape.area);
+        // Axes first, since they may compete with other planes at another price.
+        for are_axes in [true, false] {
+            let limits = (contest.bar(are_axes, spec, params, n), params.empty_bonus);
+            let mut search = Search::new(area, shape, limits, buffers);
+            for (i, (normal, origin)) in all().enumerate() {
+                if (origin == Origin::Axis) != are_axes {
+                    continue;
+                }
+                let axis = AXES.iter().position(|&axis| axis == normal);
+                match (cell, axis) {
+                    (Cell::Box(aabb), Some(axis)) => search.turn_in_box(aabb, axis),
+                    _ => {
+                        let direction = glam::Vec3::from(normal).as_dvec3();
+                        search.turn(direction, origin != Origin::Direction);
+                    }
+                }
+                candidates += match &node.lists {
+                    Some(lists) if i < listed => sweep(&lists.of(i), self.tolerance, &mut search),
+                    _ => {
+                        corners.extents(params.ties, normal, axis, extents);
+                        search_extents(extents, self.tolerance, events, &mut search)
+                    }
                 };
+                search.probe();
+            }
+            if let Some((found, best)) = search.finish(self.tolerance)
+                && let Some((normal, origin)) = all()
+                    .filter(|(_, origin)| (*origin == Origin::Axis) == are_axes)
+                    .nth(found)
+            {
                 let plane = SplitPlane {
-                    normal: candidate.normal,
+                    normal,
                     boundary: best.boundary,
                     origin,
+                };
+                contest.enter(plane, are_axes, best);
+            }
+        }
+        if let (true, Some(shape)) = (spec.triangle_planes, shape) {
+            let bar = contest.bar(false, spec, params, n);
+            let ties = params.ties;
+            let search = PlaneSearch::new(
+                shape,
+                (
+                    &node.triangles,
+                    node.triangles
+                        .iter()
+                        .map(|&triangle| self.corners[triangle as usize])
+                        .collect(),
+                ),
+                &self.planes,
+                (ties, self.tolerance, ties.overhang(&self.mesh.bounds())),
+                (bar, params.empty_bonus),
+            );
+            let (found, inside) = search.run();
+            candidates += inside;
+            if let Some((plane, is_edge, best)) = found {
+                let plane = SplitPlane {
+                    normal: plane.normal,
+                    boundary: best.boundary,
+                    origin: match is_edge {
+                        true => Origin::Edge,
+                        false => Origin::Triangle,
+                    },
                 };
                 contest.enter(plane, false, best);
             }
         }
-        entered
+        (contest, candidates)
     }
 
     /// The extent of a triangle along a direction, which may be an axis.
     #[inline(always)]
-    fn extent(&self, axis: Option<usize>, normal: [f32; 3], corners: &[[f32; 3]; 3]) -> (f32, f32) {
+    fn extent(&self, axis: Option<usize>, normal: [f32; 3], triangle: u32) -> (f32, f32) {
+        let corners = &self.corners[triangle as usize];
         let Some(axis) = axis else {
             return self.params.ties.extent(normal, corners);
         };
@@ -410,41 +476,102 @@ impl Builder<'_> {
         (a.min(b).min(c), a.max(b).max(c))
     }
 
-    /// The two children of the node that was last split.
-    fn children(
-        &self,
-        node: Node,
-        choice: &Choice<SplitPlane>,
-        stats: &mut BuildStats,
-        scratch: &mut Scratch,
-    ) -> (Node, Node) {
-        let plane = choice.plane;
+    /// The sorted lists of a node, from nothing.
+    fn sorted(&self, triangles: &[u32]) -> Box<SortedLists> {
+        let listed = self.everywhere.len().min(MAX_LISTED);
+        let axes = self.everywhere.iter().map(|&(normal, _)| {
+            let axis = AXES.iter().position(|&axis| axis == normal);
+            (axis, normal)
+        });
+        let axes: Vec<_> = axes.collect();
+        Box::new(SortedLists::sort(
+            triangles,
+            listed,
+            self.tolerance,
+            |i, triangle| self.extent(axes[i].0, axes[i].1, triangle),
+        ))
+    }
+
+    /// The triangles below and above a plane; where the node has lists, the sides of each are noted.
+    fn sides(&self, node: &Node, plane: &SplitPlane, scratch: &mut Scratch) -> [Vec<u32>; 2] {
         let axis = plane.axis();
-        let mut sides = [Vec::new(), Vec::new()];
-        for (&triangle, corners) in node.triangles.iter().zip(&scratch.corners) {
-            let (below, above) = plane
-                .boundary
-                .sides(self.extent(axis, plane.normal, corners));
+        let n = node.triangles.len();
+        let mut parts = [Vec::with_capacity(n), Vec::with_capacity(n)];
+        let sides = &mut scratch.sides;
+        if node.lists.is_some() {
+            sides.resize(self.corners.len(), 0);
+        }
+        for &triangle in &node.triangles {
+            let extent = self.extent(axis, plane.normal, triangle);
+            let (below, above) = plane.boundary.sides(extent);
             if below {
-                sides[0].push(triangle);
+                parts[0].push(triangle);
             }
             if above {
-                sides[1].push(triangle);
+                parts[1].push(triangle);
+            }
+            if node.lists.is_some() {
+                sides[triangle as usize] = u8::from(below) | u8::from(above) << 1;
             }
         }
-        let cut = node.cell.cut(&plane, &mut scratch.cut);
-        stats.bad_refines += u64::from(choice.bad_refine);
-        stats.uncut_cells += u64::from(cut.is_none());
-        let cells = cut.unwrap_or_else(|| (node.cell.clone(), node.cell.clone()));
-        let [below, above] = sides;
-        let mut paths = Random::new(node.path ^ u64::from(node.depth) << 48);
-        let mut child = |triangles: Vec<u32>, cell: Cell| Node {
-            triangles,
-            cell,
-            depth: node.depth + 1,
-            bad_refines: node.bad_refines + u8::from(choice.bad_refine),
-            path: paths.next(),
+        parts.iter_mut().for_each(Vec::shrink_to_fit);
+        parts
+    }
+
+    /// The two children of a node with these triangles.
+    fn children(
+        &self,
+        node: &mut Node,
+        cell: Cell,
+        choice: &Choice<SplitPlane>,
+        triangles: [Vec<u32>; 2],
+        (stats, scratch): (&mut BuildStats, &mut Scratch),
+    ) -> [Node; 2] {
+        let depth = node.depth + 1;
+        let counts = [triangles[0].len(), triangles[1].len()];
+        // Others are leaves, of which only the area is of use.
+        let wanted = counts.map(|n| n > self.params.max_prims as usize && depth < self.max_depth);
+        let lists = match node.lists.take() {
+            Some(lists) => {
+                let listed = [0, 1].map(|i| wanted[i] && counts[i] >= LISTS_FROM);
+                lists.divide(&scratch.sides, listed)
+            }
+            None => [None, None],
         };
-        (child(below, cells.0), child(above, cells.1))
+        let cells = match wanted {
+            [false, false] => [None, None],
+            _ => cell
+                .cut(&choice.plane, wanted, &mut scratch.cut)
+                .unwrap_or_else(|| {
+                    stats.uncut_cells += 1;
+                    [Some(cell.clone()), Some(cell.clone())]
+                }),
+        };
+        self.recycle(cell, scratch);
+        let mut paths = Random::new(node.path ^ u64::from(node.depth) << 48);
+        let [below, above] = triangles;
+        let [lists_below, lists_above] = lists;
+        let [cell_below, cell_above] = cells;
+        let all = (counts[0] + counts[1]).max(1) as f64;
+        let shares = divide(node.share, counts[0], counts[1]);
+        let mut child = |triangles: Vec<u32>, lists, cell: Option<Cell>, wanted, area, share| {
+            let cell = cell.filter(|_| wanted);
+            Node {
+                references: node.references * triangles.len() as f64 / all,
+                area: cell.as_ref().map_or(area, Cell::surface_area),
+                triangles,
+                lists,
+                cell,
+                depth,
+                bad_refines: node.bad_refines + u8::from(choice.bad_refine),
+                path: paths.next(),
+                share,
+            }
+        };
+        let areas = (choice.areas.0 * node.area, choice.areas.1 * node.area);
+        [
+            child(below, lists_below, cell_below, wanted[0], areas.0, shares.0),
+            child(above, lists_above, cell_above, wanted[1], areas.1, shares.1),
+        ]
     }
 }

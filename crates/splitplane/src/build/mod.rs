@@ -2,13 +2,18 @@
 
 mod cell;
 mod cost;
+mod extents;
 mod framed;
 mod grow;
+mod lists;
 mod objects;
 mod params;
+mod search;
 mod sweep;
 mod ties;
 mod triangle_planes;
+mod watch;
 
 pub(crate) use grow::{Built, BuiltNode, Origin, SplitPlane, grow};
 pub use params::{BuildError, BuildParams, BuildStats, DepthLimit, ObliquePricing, Ties, Wins};
+pub use watch::Progress;

@@ -1,8 +1,9 @@
 //! A bounding volume hierarchy by SAH sweeps: triangles are divided instead of space, so that each
 //! is in one leaf, and children's boxes may overlap [GoldsmithSalmon1987, MacDonaldBooth1990].
 
-use super::grow::{Built, BuiltNode, PARALLEL_FROM};
+use super::grow::{ASKED_FROM, Built, BuiltNode, PARALLEL_FROM};
 use super::params::BuildParams;
+use super::watch::{self, WHOLE, Watched};
 use crate::geometry::{Aabb, Frame, Mesh};
 
 /// A triangle while the hierarchy is built.
@@ -19,8 +20,8 @@ struct Division {
     cost: f64,
 }
 
-/// Builds the hierarchy, on the threads of the current rayon pool.
-pub(super) fn grow(mesh: &Mesh, params: &BuildParams) -> Built {
+/// Builds the hierarchy, on the threads of the current rayon pool; `None` if it was cancelled.
+pub(super) fn grow(mesh: &Mesh, params: &BuildParams, watched: &Watched) -> Option<Built> {
     let mut items: Vec<Item> = mesh
         .usable_triangles()
         .iter()
@@ -30,48 +31,62 @@ pub(super) fn grow(mesh: &Mesh, params: &BuildParams) -> Built {
         })
         .collect();
     let mut built = Built::default();
-    divide(&mut items, 0, params, &mut built);
-    built
+    let job = Job { params, watched };
+    job.divide(&mut items, (0, WHOLE), &mut built);
+    (!watched.is_stopped()).then_some(built)
 }
 
-fn divide(items: &mut [Item], depth: u32, params: &BuildParams, built: &mut Built) {
-    let bounds = items
-        .iter()
-        .fold(Aabb::EMPTY, |all, item| all.union(&item.bounds));
-    let area = bounds.surface_area();
-    let leaf_cost = params.intersection_cost * items.len() as f64;
-    let division = match items.len() > params.max_prims as usize && depth < BuildParams::MAX_DEPTH {
-        true => best_division(items, area, params, built),
-        false => None,
-    };
-    let Some(Division { axis, below, .. }) = division.filter(|division| division.cost < leaf_cost)
-    else {
+struct Job<'a> {
+    params: &'a BuildParams,
+    watched: &'a Watched<'a>,
+}
+
+impl Job<'_> {
+    fn divide(&self, items: &mut [Item], (depth, share): (u32, u64), built: &mut Built) {
+        let params = self.params;
+        let bounds = items
+            .iter()
+            .fold(Aabb::EMPTY, |all, item| all.union(&item.bounds));
+        let area = bounds.surface_area();
+        let leaf_cost = params.intersection_cost * items.len() as f64;
+        let stopped = items.len() >= ASKED_FROM && self.watched.ask();
+        let splits = !stopped && items.len() > params.max_prims as usize;
+        let division = match splits && depth < BuildParams::MAX_DEPTH {
+            true => best_division(items, area, params, built),
+            false => None,
+        };
+        let Some(Division { axis, below, .. }) =
+            division.filter(|division| division.cost < leaf_cost)
+        else {
+            built.boxes.push(bounds);
+            // In the mesh's order, as in every tree.
+            items.sort_unstable_by_key(|item| item.triangle);
+            built.nodes.push(BuiltNode::Leaf {
+                count: items.len(),
+                area,
+            });
+            built
+                .references
+                .extend(items.iter().map(|item| item.triangle));
+            self.watched.finished(share, items.len());
+            return;
+        };
         built.boxes.push(bounds);
-        // In the mesh's order, as in every tree.
-        items.sort_unstable_by_key(|item| item.triangle);
-        built.nodes.push(BuiltNode::Leaf {
-            count: items.len(),
-            area,
-        });
-        built
-            .references
-            .extend(items.iter().map(|item| item.triangle));
-        return;
-    };
-    built.boxes.push(bounds);
-    sort_along(items, axis);
-    let (below, above) = items.split_at_mut(below);
-    built.join(
-        |above| BuiltNode::Objects {
-            above,
-            area,
-            frame: Frame::WORLD,
-        },
-        below.len().min(above.len()) >= PARALLEL_FROM,
-        &mut (),
-        |built, ()| divide(below, depth + 1, params, built),
-        |built, ()| divide(above, depth + 1, params, built),
-    );
+        sort_along(items, axis);
+        let (below, above) = items.split_at_mut(below);
+        let shares = watch::divide(share, below.len(), above.len());
+        built.join(
+            |above| BuiltNode::Objects {
+                above,
+                area,
+                frame: Frame::WORLD,
+            },
+            below.len().min(above.len()) >= PARALLEL_FROM,
+            &mut (),
+            |built, ()| self.divide(below, (depth + 1, shares.0), built),
+            |built, ()| self.divide(above, (depth + 1, shares.1), built),
+        );
+    }
 }
 
 /// Along one axis, by the centres of the triangles' boxes; of equals the lower index first.

@@ -19,6 +19,9 @@ pub struct BuildParams {
     pub max_depth: DepthLimit,
     /// How triangles that touch a plane are treated.
     pub ties: Ties,
+    /// The most references that a tree may have, per triangle: where splits would give more, there
+    /// are leaves. A subtree has its share.
+    pub max_references: f64,
     /// Seed of every random draw.
     pub seed: u64,
 }
@@ -81,6 +84,7 @@ impl BuildParams {
             per_level: 1.6,
         },
         ties: Ties::AsPublished,
+        max_references: 64.0,
         seed: 0,
     };
 
@@ -128,6 +132,7 @@ impl BuildParams {
             ("empty_bonus", self.empty_bonus, 1.0),
             ("max_depth.base", base, f64::MAX),
             ("max_depth.per_level", per_level, f64::MAX),
+            ("max_references", self.max_references, f64::MAX),
         ] {
             if !(0.0..=limit).contains(&value) {
                 return Err(BuildError::Parameter { name, value, limit });
@@ -227,6 +232,9 @@ pub enum BuildError {
     /// A wide tree that is to be stored as a binary one.
     #[error("a tree in the wide layout has no binary nodes any more; build it again")]
     BinaryNodesGone,
+    /// [`Progress::cancelled`](crate::Progress::cancelled) said so.
+    #[error("the build was cancelled")]
+    Cancelled,
     /// More nodes or references than a node has bits for.
     #[error("the tree has {count} {what}; its nodes can address {limit}")]
     TooLarge {
@@ -258,6 +266,8 @@ pub struct BuildStats {
     pub wins: Wins,
     /// Splits whose cells kept the shape of their parent's because it was too thin to be cut.
     pub uncut_cells: u64,
+    /// Leaves that are leaves because of [`BuildParams::max_references`].
+    pub limited_leaves: u64,
 }
 
 impl std::ops::AddAssign for BuildStats {
@@ -265,6 +275,7 @@ impl std::ops::AddAssign for BuildStats {
         self.bad_refines += other.bad_refines;
         self.candidates += other.candidates;
         self.uncut_cells += other.uncut_cells;
+        self.limited_leaves += other.limited_leaves;
         self.wins.axis += other.wins.axis;
         self.wins.direction += other.wins.direction;
         self.wins.triangle += other.wins.triangle;

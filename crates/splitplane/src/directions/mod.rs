@@ -13,20 +13,17 @@ pub(crate) struct NodeView<'a> {
     pub(crate) normals: &'a [[f32; 3]],
     /// The triangles of the node.
     pub(crate) triangles: &'a [u32],
-    /// The directions of the whole tree, the axes included, where it has such.
-    pub(crate) fixed: &'a [[f32; 3]],
     /// Random numbers that depend on the seed and the node's place in the tree alone.
     pub(crate) random: Random,
 }
 
-/// Appends the directions to be swept in a node, the axes apart: canonical unit vectors.
+/// Appends a node's own directions, those of the whole tree apart: canonical unit vectors.
 pub(crate) fn generate(choice: TreeChoice, node: NodeView, directions: &mut Vec<[f32; 3]>) {
     let axes = if choice.spec.axes { 3 } else { 0 };
     let count = choice.direction_count.unwrap_or(0).saturating_sub(axes) as usize;
     match choice.spec.directions {
         _ if count == 0 => {}
-        Directions::None => {}
-        Directions::Fixed => directions.extend_from_slice(&node.fixed[axes as usize..]),
+        Directions::None | Directions::Fixed => {}
         Directions::Random => random::generate(count, node, directions),
         Directions::SampledNormals => sampled::generate(count, node, directions),
         Directions::ClusteredNormals => clustered::generate(count, node, directions),

@@ -10,7 +10,7 @@ pub use card::{NodeCounts, TreeCard, WideCard};
 pub use section::{Axis, Section, SectionCell, SectionSegment};
 pub use validate::ValidateError;
 
-use crate::build::{BuildError, BuildParams, BuildStats, Built, grow};
+use crate::build::{BuildError, BuildParams, BuildStats, Built, Progress, grow};
 use crate::catalog::{Directions, TreeChoice, TreeSpec};
 use crate::geometry::{Aabb, Mesh, Ray};
 use crate::query::{self, Counters, Hit, Place, Traversal};
@@ -169,8 +169,22 @@ impl Tree {
         choice: TreeChoice,
         params: &BuildParams,
     ) -> Result<Tree, BuildError> {
+        Tree::build_watched(mesh, choice, params, &())
+    }
+
+    /// As [`Tree::build`], with `progress` told how many of the mesh's triangles are in their
+    /// leaves, and asked whether to stop.
+    ///
+    /// # Errors
+    /// As [`Tree::build`], or cancelled by `progress`.
+    pub fn build_watched(
+        mesh: &Mesh,
+        choice: TreeChoice,
+        params: &BuildParams,
+        progress: &dyn Progress,
+    ) -> Result<Tree, BuildError> {
         params.check()?;
-        let built = grow(mesh, choice, params);
+        let built = grow(mesh, choice, params, progress).ok_or(BuildError::Cancelled)?;
         Tree::store(mesh, choice, params, &built)
     }
 

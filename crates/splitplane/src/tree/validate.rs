@@ -175,8 +175,12 @@ impl Tree {
             match split_plane(&nodes[at].view(&self.shared)) {
                 None => leaves += cell.volume(),
                 Some((normal, offset, above)) => {
-                    match cell.cut(normal, offset, &mut CutScratch::default()) {
-                        Some((below, rest)) => pending.extend([(above, rest), (at + 1, below)]),
+                    let scratch = &mut CutScratch::default();
+                    match cell.cut(normal, offset, [true, true], scratch) {
+                        Some(parts) => {
+                            let parts = [at + 1, above].into_iter().zip(parts);
+                            pending.extend(parts.filter_map(|(at, part)| Some((at, part?))));
+                        }
                         // Too thin to be cut: one child has it all.
                         None => pending.extend([(above, Polytope::default()), (at + 1, cell)]),
                     }

@@ -13,8 +13,9 @@ mod split;
 
 use glam::{DVec3, Vec3A};
 
-use super::grow::{Built, BuiltNode, PARALLEL_FROM};
+use super::grow::{ASKED_FROM, Built, BuiltNode, PARALLEL_FROM};
 use super::params::BuildParams;
+use super::watch::{self, WHOLE, Watched};
 use crate::geometry::frame::round_outward;
 use crate::geometry::polygon::Polygon;
 use crate::geometry::{Aabb, Frame, Mesh};
@@ -119,20 +120,24 @@ struct Node {
     depth: u32,
     /// How many references may still be added by cutting.
     cuts: usize,
+    /// The node's share of the work.
+    share: u64,
 }
 
 struct Builder<'a> {
     mesh: &'a Mesh,
+    watched: &'a Watched<'a>,
     frames: Vec<Frame>,
     /// The normals of the mesh's triangles, as long as their areas; none if there is one frame.
     normals: Vec<[f32; 3]>,
     reach: f64,
 }
 
-/// Builds the tree, on the threads of the current rayon pool.
-pub(super) fn grow(mesh: &Mesh) -> Built {
+/// Builds the tree, on the threads of the current rayon pool; `None` if it was cancelled.
+pub(super) fn grow(mesh: &Mesh, watched: &Watched) -> Option<Built> {
     let mut builder = Builder {
         mesh,
+        watched,
         frames: frames::find(mesh, MAX_FRAMES),
         normals: Vec::new(),
         reach: f64::from(mesh.bounds().reach()),
@@ -160,6 +165,7 @@ pub(super) fn grow(mesh: &Mesh) -> Built {
         bounds: Bounds::of(&references),
         depth: 0,
         cuts: MAX_CUTS * references.len(),
+        share: WHOLE,
         references,
     };
     let world = Place {
@@ -169,7 +175,7 @@ pub(super) fn grow(mesh: &Mesh) -> Built {
     };
     builder.grow(root, &world, &mut built, &mut Scratch::default());
     built.frames = builder.frames;
-    built
+    (!watched.is_stopped()).then_some(built)
 }
 
 /// Blocks of triangles that are tested one after the other.
@@ -190,7 +196,9 @@ impl Builder<'_> {
 
     fn grow_in_frame(&self, node: Node, place: &Place, built: &mut Built, scratch: &mut Scratch) {
         let area = 2.0 * f64::from(node.bounds.half_area());
+        let stopped = node.references.len() >= ASKED_FROM && self.watched.ask();
         let split = match node.depth < MAX_DEPTH {
+            _ if stopped => None,
             true => split::find(&node.references, &node.bounds, node.cuts, scratch),
             false if node.references.len() <= WIDTH => None,
             false => Some(Split::Even),
@@ -206,6 +214,7 @@ impl Builder<'_> {
                 area,
             });
             built.references.append(&mut triangles);
+            self.watched.finished(node.share, node.references.len());
             return;
         };
         match place.frame {
@@ -297,13 +306,16 @@ impl Builder<'_> {
         }
         let total = sides[0].len() + sides[1].len();
         let cuts = node.cuts.saturating_sub(total.saturating_sub(n));
-        let [below, above] = sides.map(|references| Node {
+        let shares = watch::divide(node.share, sides[0].len(), sides[1].len());
+        let child = |references: Vec<Reference>, share| Node {
             bounds: Bounds::of(&references),
             depth: node.depth + 1,
             cuts: cuts * references.len() / total.max(1),
             references,
-        });
-        (below, above)
+            share,
+        };
+        let [below, above] = sides;
+        (child(below, shares.0), child(above, shares.1))
     }
 
     /// Both parts of a reference that a plane passes through.

@@ -20,6 +20,20 @@ pub(crate) struct CutScratch {
     cap: Vec<u16>,
     below: PartScratch,
     above: PartScratch,
+    /// Polytopes that are done with: their memory is used again.
+    spare: Vec<Polytope>,
+}
+
+/// More spare polytopes than this are given back: a path of a tree has no more alive.
+const MAX_SPARE: usize = 256;
+
+impl CutScratch {
+    /// Takes a polytope that is done with.
+    pub(crate) fn recycle(&mut self, polytope: Polytope) {
+        if self.spare.len() < MAX_SPARE {
+            self.spare.push(polytope);
+        }
+    }
 }
 
 /// What one side needs while it is made.
@@ -47,7 +61,8 @@ enum Crossing {
 }
 
 impl Polytope {
-    /// Cuts the polytope by `normal · x = offset` into the part below and the part above.
+    /// Cuts the polytope by `normal · x = offset` into the part below and the part above; only those
+    /// that are wanted are made.
     ///
     /// `None` where the plane misses it, or where rounding has made a polytope so thin that its
     /// cap does not close.
@@ -55,8 +70,9 @@ impl Polytope {
         &self,
         normal: DVec3,
         offset: f64,
+        wanted: [bool; 2],
         scratch: &mut CutScratch,
-    ) -> Option<(Polytope, Polytope)> {
+    ) -> Option<[Option<Polytope>; 2]> {
         if self.vertices.len() > MAX_VERTICES {
             return None;
         }
@@ -67,13 +83,14 @@ impl Polytope {
             cap,
             below,
             above,
+            spare,
         } = scratch;
         heights.clear();
         heights.extend(self.vertices.iter().map(|v| normal.dot(*v) - offset));
         crossings.clear();
         segments.clear();
-        let mut below = Part::new(self, below);
-        let mut above = Part::new(self, above);
+        let mut below = Part::new(self, wanted[0], below, spare);
+        let mut above = Part::new(self, wanted[1], above, spare);
         // The vertices in the plane count as below: one consistent choice is what makes the two
         // parts close.
         let is_below = |vertex: u16| heights[usize::from(vertex)] <= 0.0;
@@ -117,7 +134,8 @@ impl Polytope {
             .rev()
             .for_each(|&crossing| below.cross(crossing, crossings));
         below.end_face(normal);
-        Some((below.polytope, above.polytope))
+        let [below, above] = [below, above].map(|part| part.wanted.then_some(part.polytope));
+        Some([below, above])
     }
 
     /// The index of the crossing of an edge.
@@ -166,29 +184,41 @@ fn chain(segments: &[(u16, u16)], cap: &mut Vec<u16>) -> Option<()> {
 /// One side of a polytope that is being cut.
 struct Part<'a> {
     source: &'a Polytope,
+    wanted: bool,
     polytope: Polytope,
     scratch: &'a mut PartScratch,
 }
 
 impl<'a> Part<'a> {
-    fn new(source: &'a Polytope, scratch: &'a mut PartScratch) -> Self {
+    fn new(
+        source: &'a Polytope,
+        wanted: bool,
+        scratch: &'a mut PartScratch,
+        spare: &mut Vec<Polytope>,
+    ) -> Self {
         scratch.kept.clear();
         scratch.kept.resize(source.vertices.len(), ABSENT);
         scratch.crossed.clear();
         scratch.face.clear();
-        let polytope = Polytope {
-            vertices: Vec::with_capacity(source.vertices.len() + 4),
-            faces: Vec::with_capacity(source.faces.len() + 1),
-            loops: Vec::with_capacity(source.loops.len() + 8),
+        let mut polytope = match wanted {
+            true => spare.pop().unwrap_or_default(),
+            false => Polytope::default(),
         };
+        polytope.vertices.clear();
+        polytope.faces.clear();
+        polytope.loops.clear();
         Part {
             source,
+            wanted,
             polytope,
             scratch,
         }
     }
 
     fn keep(&mut self, vertex: u16) {
+        if !self.wanted {
+            return;
+        }
         let slot = &mut self.scratch.kept[usize::from(vertex)];
         if *slot == ABSENT {
             *slot = self.polytope.vertices.len() as u16;
@@ -201,6 +231,9 @@ impl<'a> Part<'a> {
     }
 
     fn cross(&mut self, crossing: u16, crossings: &[Crossing]) {
+        if !self.wanted {
+            return;
+        }
         let point = match crossings[usize::from(crossing)] {
             Crossing::Vertex(vertex) => return self.keep(vertex),
             Crossing::Edge { point, .. } => point,

@@ -107,75 +107,132 @@ impl Polytope {
         let flat = 1e-9 * (high - low) + 64.0 * f64::EPSILON * low.abs().max(high.abs());
         Extent { low, high, flat }
     }
+}
 
-    /// The area of the surface below the plane `direction · x = t`, and that of the cross-section;
-    /// `None` where the plane does not pass through the inside.
-    pub(crate) fn areas_at(
-        &self,
-        direction: DVec3,
-        t: f64,
-        heights: &mut Vec<f64>,
-    ) -> Option<(f64, f64)> {
-        heights.clear();
-        heights.extend(self.vertices.iter().map(|v| direction.dot(*v)));
-        let extent = Polytope::extent(heights.iter().copied());
-        if !extent.has_inside(t) {
-            return None;
+/// A polytope seen along a unit direction: how high its vertices are.
+#[derive(Debug, Default)]
+pub(crate) struct Aim {
+    heights: Vec<f64>,
+    extent: Extent,
+}
+
+impl Aim {
+    /// Takes aim; the heights are those of this polytope until the next time.
+    pub(crate) fn at(&mut self, polytope: &Polytope, direction: DVec3) {
+        self.heights.clear();
+        self.heights
+            .extend(polytope.vertices.iter().map(|v| direction.dot(*v)));
+        self.extent = Polytope::extent(self.heights.iter().copied());
+    }
+
+    /// The lowest and the highest offset of the polytope.
+    pub(crate) fn ends(&self) -> (f64, f64) {
+        (self.extent.low, self.extent.high)
+    }
+
+    /// Between which offsets planes pass through the inside, both excluded.
+    pub(crate) fn inside(&self) -> (f64, f64) {
+        let Extent { low, high, flat } = self.extent;
+        (low + flat, high - flat)
+    }
+
+    /// The areas of the faces at the lowest and at the highest plane, up to rounding not more.
+    pub(crate) fn end_faces(&self, polytope: &Polytope) -> (f64, f64) {
+        let Extent { low, high, flat } = self.extent;
+        let mut ends = (0.0, 0.0);
+        for face in &polytope.faces {
+            let first = self.heights[usize::from(polytope.loops[usize::from(face.start)])];
+            let (is_low, is_high) = (first <= low + flat, first >= high - flat);
+            if !(is_low || is_high) {
+                continue;
+            }
+            let heights = polytope.indices(face).iter();
+            let mut heights = heights.map(|&i| self.heights[usize::from(i)]);
+            if is_low && heights.clone().all(|h| h <= low + flat) {
+                ends.0 += face.area;
+            } else if is_high && heights.all(|h| h >= high - flat) {
+                ends.1 += face.area;
+            }
         }
+        ends
+    }
+
+    /// The areas of the polytope's parts below and above the plane at `t`, which passes through the
+    /// inside, as fractions of `area`, that of the whole.
+    pub(crate) fn areas(&self, polytope: &Polytope, area: f64, t: f64) -> (f64, f64) {
+        let (surface, cap) = self.surface_and_cap(polytope, t);
+        let surface = surface.clamp(0.0, area);
+        ((surface + cap) / area, (area - surface + cap) / area)
+    }
+
+    /// The area of the surface below the plane at `t`, which passes through the inside, and that of
+    /// the cross-section.
+    fn surface_and_cap(&self, polytope: &Polytope, t: f64) -> (f64, f64) {
+        let Aim { heights, extent } = self;
+        let height = |i: u16| heights[usize::from(i)];
         let (mut below, mut cap) = (0.0, DVec3::ZERO);
         let mut cap_origin = None;
-        for face in &self.faces {
-            let indices = self.indices(face);
-            let range = Polytope::extent(indices.iter().map(|&i| heights[usize::from(i)]));
+        for face in &polytope.faces {
+            let indices = polytope.indices(face);
+            let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+            for &i in indices {
+                let h = height(i);
+                low = if h < low { h } else { low };
+                high = if h > high { h } else { high };
+            }
             // A face across the direction has no part below a plane that passes through it: it
             // belongs to the end of the polytope that it closes.
-            let is_flat = range.high - range.low <= extent.flat;
+            let is_flat = high - low <= extent.flat;
             let is_below = match is_flat {
-                true => range.low - extent.low < extent.high - range.high,
-                false => range.high <= t,
+                true => low - extent.low < extent.high - high,
+                false => high <= t,
             };
             if is_below {
                 below += face.area;
             }
-            if is_below || is_flat || range.low > t {
+            if is_below || is_flat || low > t {
                 continue;
             }
-            let (mut first, mut previous): (Option<DVec3>, DVec3) = (None, DVec3::ZERO);
-            let mut vector = DVec3::ZERO;
-            let mut add = |point: DVec3| {
-                match first {
-                    None => first = Some(point),
-                    Some(first) => vector += (previous - first).cross(point - first),
-                }
-                previous = point;
+            // Seen from where the loop leaves the part below, what lies there is a fan.
+            let crossing = |i: u16, j: u16| crossing(&polytope.vertices, heights, t, (i, j));
+            let count = indices.len();
+            let next = |k: usize| if k + 1 == count { 0 } else { k + 1 };
+            let is_in = |k: usize| height(indices[k]) <= t;
+            let Some(mut k) = (0..count).find(|&k| !is_in(k) && is_in(next(k))) else {
+                continue;
             };
-            let (mut leaves, mut enters) = (None, None);
-            let mut i = usize::from(indices[indices.len() - 1]);
-            for &j in indices {
-                let j = usize::from(j);
-                let (h_i, h_j) = (heights[i], heights[j]);
-                if (h_i <= t) != (h_j <= t) {
-                    // From below to above whichever way the edge runs, so that both faces of the
-                    // edge get the same point.
-                    let (b, a) = if h_i <= t { (i, j) } else { (j, i) };
-                    let step = (t - heights[b]) / (heights[a] - heights[b]);
-                    let point = self.vertices[b] + (self.vertices[a] - self.vertices[b]) * step;
-                    *(if h_i <= t { &mut leaves } else { &mut enters }) = Some(point);
-                    add(point);
+            let enters = crossing(indices[k], indices[next(k)]);
+            k = next(k);
+            let mut vector = DVec3::ZERO;
+            let mut previous = polytope.vertices[usize::from(indices[k])] - enters;
+            // As many steps as there are vertices, whatever rounding has done to the face.
+            for _ in 0..count {
+                if !is_in(next(k)) {
+                    break;
                 }
-                if h_j <= t {
-                    add(self.vertices[j]);
-                }
-                i = j;
+                k = next(k);
+                let point = polytope.vertices[usize::from(indices[k])] - enters;
+                vector += previous.cross(point);
+                previous = point;
             }
-            below += 0.5 * vector.length();
-            if let (Some(leaves), Some(enters)) = (leaves, enters) {
-                let origin = *cap_origin.get_or_insert(leaves);
-                cap += (leaves - origin).cross(enters - origin);
-            }
+            let leaves = crossing(indices[k], indices[next(k)]);
+            vector += previous.cross(leaves - enters);
+            below += 0.5 * face.normal.dot(vector).abs();
+            let origin = *cap_origin.get_or_insert(leaves);
+            cap += (leaves - origin).cross(enters - origin);
         }
-        Some((below, 0.5 * cap.length()))
+        (below, 0.5 * cap.length())
     }
+}
+
+/// Where an edge passes the height `t`: from below to above whichever way the edge runs, so that both
+/// faces of the edge get the same point.
+#[inline(always)]
+fn crossing(vertices: &[DVec3], heights: &[f64], t: f64, (i, j): (u16, u16)) -> DVec3 {
+    let [i, j] = [i, j].map(usize::from);
+    let (b, a) = if heights[i] <= t { (i, j) } else { (j, i) };
+    let step = (t - heights[b]) / (heights[a] - heights[b]);
+    vertices[b] + (vertices[a] - vertices[b]) * step
 }
 
 /// How far a polytope reaches along a direction.
@@ -185,12 +242,6 @@ struct Extent {
     high: f64,
     /// What is not longer than this is flat.
     flat: f64,
-}
-
-impl Extent {
-    fn has_inside(&self, t: f64) -> bool {
-        self.low + self.flat < t && t < self.high - self.flat
-    }
 }
 
 /// The area of a planar polygon: half the length of its vector area.
@@ -219,7 +270,18 @@ mod tests {
     }
 
     fn cut(cell: &Polytope, normal: DVec3, offset: f64) -> Option<(Polytope, Polytope)> {
-        cell.cut(normal, offset, &mut CutScratch::default())
+        let scratch = &mut CutScratch::default();
+        let [below, above] = cell.cut(normal, offset, [true, true], scratch)?;
+        below.zip(above)
+    }
+
+    /// The area of the surface below a plane, and that of the cross-section; `None` where the plane
+    /// does not pass through the inside.
+    fn areas_at(cell: &Polytope, direction: DVec3, t: f64) -> Option<(f64, f64)> {
+        let mut aim = Aim::default();
+        aim.at(cell, direction);
+        let (low, high) = aim.inside();
+        (low < t && t < high).then(|| aim.surface_and_cap(cell, t))
     }
 
     /// The diagonal of the box around a cell; `None` where rounding is all there is of it.
@@ -306,7 +368,7 @@ mod tests {
             let Extent { low, high, .. } = extent(&cell, normal);
             let t = low + at * (high - low);
             if let Some((below, above)) = cut(&cell, normal, t)
-                && let Some((surface, cap)) = cell.areas_at(normal, t, &mut Vec::new())
+                && let Some((surface, cap)) = areas_at(&cell, normal, t)
             {
                 let tolerance = (1e-9 * size + ROUNDING) * size;
                 prop_assert!((below.volume() + above.volume() - cell.volume()).abs() < tolerance * size);
@@ -330,12 +392,12 @@ mod tests {
             prop_assume!(size > 1e10 * ROUNDING);
             let Extent { low, high, .. } = extent(&cell, normal);
             let mut profile = Profile::default();
-            profile.aim(&cell, normal);
-            profile.fill_polytope(&cell, normal);
+            let mut aim = Aim::default();
+            aim.at(&cell, normal);
+            profile.fill_polytope(&cell, normal, &aim);
             steps.sort_by(f64::total_cmp);
             for t in steps.into_iter().map(|step| low + step * (high - low)) {
-                let Some((surface, cap)) = cell.areas_at(normal, t, &mut Vec::new()) else { continue };
-                prop_assert!(profile.has_inside(t));
+                let Some((surface, cap)) = areas_at(&cell, normal, t) else { continue };
                 let area = cell.surface_area();
                 let (below, above) = profile.areas(t);
                 // Of a cell that is thin for its size, rounding leaves less.

@@ -2,19 +2,16 @@
 
 use glam::DVec3;
 
-use super::super::Aabb;
-use super::{Extent, Polytope};
+use super::{Aim, Polytope};
 
 /// The areas of a cell's two parts as functions of the plane's offset along one direction:
 /// quadratics from vertex to vertex [Budge2008]. A buffer to be filled again and again.
 #[derive(Debug, Default)]
 pub(crate) struct Profile {
     area: f64,
-    extent: Extent,
     pieces: Vec<Piece>,
     /// The piece of the last offset that was asked for.
     current: usize,
-    heights: Vec<f64>,
     /// The vertices, by height.
     order: Vec<u16>,
     /// Where each vertex stands in `order`.
@@ -32,48 +29,18 @@ struct Piece {
 }
 
 impl Profile {
-    /// For a box, along an axis.
-    pub(crate) fn fill_box(&mut self, aabb: &Aabb, axis: usize) {
-        let extent = aabb.extent().map(f64::from);
-        let (p, q) = (extent[(axis + 1) % 3], extent[(axis + 2) % 3]);
-        let (low, high) = (f64::from(aabb.min[axis]), f64::from(aabb.max[axis]));
-        self.area = aabb.surface_area();
-        self.extent = Extent {
-            low,
-            high,
-            flat: 0.0,
-        };
-        self.current = 0;
-        self.pieces.clear();
-        self.pieces.push(Piece {
-            end: high,
-            middle: low,
-            below: [p * q, 2.0 * (p + q), 0.0],
-            cap: [p * q, 0.0, 0.0],
-        });
-    }
-
-    /// For a polytope, along a unit direction: only which planes pass through the inside. Then
-    /// [`Profile::fill_polytope`] is to follow, if it is worth it.
-    pub(crate) fn aim(&mut self, polytope: &Polytope, direction: DVec3) {
-        self.heights.clear();
-        self.heights
-            .extend(polytope.vertices.iter().map(|v| direction.dot(*v)));
-        self.extent = Polytope::extent(self.heights.iter().copied());
-    }
-
-    /// For the polytope and unit direction d that were last aimed at.
+    /// For a polytope along the unit direction d, at which `aim` is.
     ///
     /// A face with the unit normal n meets the plane at t in a segment of width w(t), which is
     /// linear between two vertices. With c = n·d, s = √(1 - c²), and h(t) the distance of that
     /// segment from a fixed line along d, the area below grows by w/s, and the cross-section is
     /// ½ Σ h w. The width is summed over half-edges: those that rise along the face's loop are at
     /// its far end along u = (d × n)/s, those that fall at its near end.
-    pub(crate) fn fill_polytope(&mut self, polytope: &Polytope, direction: DVec3) {
+    pub(crate) fn fill_polytope(&mut self, polytope: &Polytope, direction: DVec3, aim: &Aim) {
         let vertices = &polytope.vertices;
         self.area = polytope.surface_area();
         self.current = 0;
-        let heights = &self.heights;
+        let heights = &aim.heights;
         self.order.clear();
         self.order.extend(0..vertices.len() as u16);
         self.order
@@ -145,7 +112,7 @@ impl Profile {
                 }
             }
         }
-        let mut start = self.extent.low;
+        let mut start = aim.extent.low;
         for piece in &mut self.pieces {
             let half = 0.5 * (piece.end - start);
             start = piece.end;
@@ -157,18 +124,7 @@ impl Profile {
         }
     }
 
-    /// Whether the plane at `t` passes through the inside of the cell.
-    #[inline]
-    pub(crate) fn has_inside(&self, t: f64) -> bool {
-        self.extent.has_inside(t)
-    }
-
-    /// Whether the plane at `t` is too low to pass through the inside of the cell.
-    pub(crate) fn is_at_or_below_inside(&self, t: f64) -> bool {
-        t <= self.extent.low + self.extent.flat
-    }
-
-    /// The areas of the cells below and above the plane at `t`, as fractions of the cell's area.
+    /// The areas of the cells below and above the plane at `t`, as fractions of the cell's.
     /// Offsets must ascend from call to call, strictly inside the cell.
     #[inline]
     pub(crate) fn areas(&mut self, t: f64) -> (f64, f64) {
