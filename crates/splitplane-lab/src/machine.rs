@@ -34,11 +34,73 @@ impl Machine {
         }
     }
 
-    /// Whether others kept the machine so busy that times on it mean little: more than a quarter
-    /// of its processors were in use before the measurement.
+    /// Whether the machine was so busy before the measurement that times on it may mean little: more
+    /// than a quarter of its processors were in use, by whomever. [`crate::Record::was_disturbed`]
+    /// knows better where the system tells.
     pub fn is_busy(&self) -> bool {
         self.load_1m
             .is_some_and(|load| load > 0.25 * self.cores as f64)
+    }
+}
+
+/// Measures how busy others keep the machine while something is timed.
+#[derive(Clone, Copy, Debug)]
+pub struct OthersLoad {
+    start: Option<Ticks>,
+}
+
+/// Processor time since the system began, in the system's ticks.
+#[derive(Clone, Copy, Debug)]
+struct Ticks {
+    /// All processors together, idle or not.
+    all: u64,
+    /// All processors together, at work: for anybody, or for another machine on the same hardware.
+    busy: u64,
+    /// For this process.
+    own: u64,
+}
+
+impl OthersLoad {
+    /// Begins.
+    pub fn start() -> OthersLoad {
+        OthersLoad {
+            start: Ticks::now(),
+        }
+    }
+
+    /// Processors that other processes kept busy since the start, on average; `None` where the
+    /// system does not say (it does on Linux), or where the time was too short to tell.
+    pub fn stop(self) -> Option<f64> {
+        let (start, end) = (self.start?, Ticks::now()?);
+        let cores = std::thread::available_parallelism().map_or(1, usize::from) as f64;
+        let each = end.all.saturating_sub(start.all) as f64 / cores;
+        // Each of the three may be off by a tick a processor.
+        if each < 20.0 {
+            return None;
+        }
+        let own = end.own.saturating_sub(start.own);
+        let others = end.busy.saturating_sub(start.busy).saturating_sub(own);
+        Some(others as f64 / each)
+    }
+}
+
+impl Ticks {
+    fn now() -> Option<Ticks> {
+        let system = std::fs::read_to_string("/proc/stat").ok()?;
+        let fields: Vec<u64> = (system.lines().next()?.split_whitespace().skip(1))
+            .map_while(|field| field.parse().ok())
+            .collect();
+        // user nice system idle iowait irq softirq steal; guests are part of user.
+        let all: u64 = fields.get(..8)?.iter().sum();
+        let own = std::fs::read_to_string("/proc/self/stat").ok()?;
+        // The name of the process may hold anything but ends with the last bracket.
+        let own: Vec<&str> = own.rsplit(')').next()?.split_whitespace().collect();
+        let ticks = |i: usize| own.get(i)?.parse::<u64>().ok();
+        Some(Ticks {
+            all,
+            busy: all - fields[3] - fields[4],
+            own: ticks(11)? + ticks(12)?,
+        })
     }
 }
 
@@ -62,6 +124,35 @@ mod tests {
         let machine = Machine::now();
         assert!(machine.cores >= 1);
         assert!(!machine.cpu.is_empty() && !machine.os.is_empty());
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn the_work_of_this_process_is_not_that_of_others_and_another_process_is_seen() {
+        use std::time::{Duration, Instant};
+        // Compared with an idle stretch before: the tests themselves share the machine.
+        let over = |work: &mut dyn FnMut()| {
+            let load = OthersLoad::start();
+            work();
+            load.stop().expect("half a second is enough to tell")
+        };
+        let spin = || {
+            let start = Instant::now();
+            while start.elapsed() < Duration::from_millis(600) {
+                std::hint::spin_loop();
+            }
+        };
+        let cores = std::thread::available_parallelism().unwrap().get() as f64;
+        let alone = over(&mut { spin });
+        assert!(alone < cores - 0.5 || cores < 2.0, "{alone} of {cores}");
+        let mut other = std::process::Command::new("sh")
+            .args(["-c", "while :; do :; done"])
+            .spawn()
+            .unwrap();
+        let disturbed = over(&mut || std::thread::sleep(Duration::from_millis(600)));
+        other.kill().unwrap();
+        other.wait().unwrap();
+        assert!(disturbed > 0.3, "{disturbed}");
     }
 
     #[test]
