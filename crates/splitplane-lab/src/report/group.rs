@@ -202,7 +202,8 @@ fn ratios(measure: &Measure, point: &Point, first: &Point) -> Vec<f64> {
                 .iter()
                 .find(|first| first.record.repetition == repetition)?;
             let (value, of) = ((measure.of)(&run.record)?, (measure.of)(&beside.record)?);
-            (of != 0.0).then(|| 100.0 * value / of)
+            // So that a tree is exactly 100 % of itself.
+            (of != 0.0).then(|| 100.0 * (value / of))
         })
         .collect()
 }

@@ -67,7 +67,7 @@ pub(super) fn html(report: &Report) -> Result<String, LabError> {
                             div.plots {
                                 @for plot in &plots[i] {
                                     figure.plot {
-                                        figcaption { (plot.title) }
+                                        figcaption { (plot.caption) }
                                         div.vega id={ "plot-" (plot.key) } data-plot=(plot.key) {}
                                     }
                                 }
@@ -174,13 +174,13 @@ fn finding(group: &Group) -> Option<Markup> {
     if group.points.len() < 2 {
         return None;
     }
-    let best = |key: &str| -> Option<(String, f64)> {
+    let best = |key: &str| -> Option<(String, Estimate)> {
         let measure = group.measures().find(|measure| measure.key == key)?;
         let percents = group.points.iter().filter_map(|point| {
             let told = group.told(measure, point)?;
-            Some((point.tree.to_string(), told.percent?.median))
+            Some((point.tree.to_string(), told.percent?))
         });
-        percents.min_by(|a, b| a.1.total_cmp(&b.1))
+        percents.min_by(|a, b| a.1.median.total_cmp(&b.1.median))
     };
     let told = [
         ("render-time", "fastest to render"),
@@ -197,7 +197,12 @@ fn finding(group: &Group) -> Option<Markup> {
     let clauses: Vec<Markup> = (told.iter())
         .filter_map(|(key, what)| {
             let (tree, share) = best(key)?;
-            Some(html! { (what) " " b { (tree) } " (" (percent(share)) ")" })
+            let (low, high) = share.interval;
+            Some(html! {
+                (what) " " b { (tree) } " (" (percent(share.median))
+                @if high > low { ", between " (format!("{low:.1}")) " and " (format!("{high:.1}")) }
+                ")"
+            })
         })
         .collect();
     Some(html! {
@@ -220,7 +225,7 @@ fn conditions(group: &Group) -> Markup {
             ", " (count(record.spp.into(), "sample")) " each, " (record.integrator)
             @if let Some(depth) = depth { (depth) }
             "; " (grouped(record.rays.camera)) " camera, " (grouped(record.rays.bounce)) " bounce and "
-            (grouped(record.rays.shadow)) " shadow rays. " (record.preset) " parameters, ties "
+            (grouped(record.rays.shadow)) " shadow rays. Parameters: " (record.preset) ", ties "
             (record.build_params.ties) ", traversal " (record.traversal) ", seed " (record.seed) ". "
             @if group.timed {
                 @if repetitions > 1 { "Medians of " (repetitions) " runs in turn" } @else { "One run" }

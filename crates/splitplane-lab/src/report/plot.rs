@@ -11,6 +11,8 @@ pub(crate) struct Plot {
     /// Its name in names of files and elements.
     pub(crate) key: String,
     pub(crate) title: String,
+    /// What is plotted, for where the scene is said already.
+    pub(crate) caption: String,
     pub(crate) x: String,
     pub(crate) y: String,
     pub(crate) kind: Kind,
@@ -183,7 +185,7 @@ impl Plot {
                 }],
             }),
             Kind::Bars(names) => json!({
-                "height": { "step": if published { 11 } else { 18 } },
+                "height": names.len() * if published { 24 } else { 18 },
                 "encoding": {
                     "y": {
                         "field": "x", "type": "nominal", "title": null, "sort": names,

@@ -53,6 +53,7 @@ pub(crate) fn of_group(group: &Group) -> Vec<Plot> {
             plots.push(Plot {
                 key,
                 title: format!("{}: {title}{of}", group.title()),
+                caption: format!("{title}{of}"),
                 x: x.to_owned(),
                 y: y.to_owned(),
                 kind: Kind::Lines,
@@ -143,6 +144,7 @@ fn over_k(group: &Group, measure: &Measure) -> Option<Plot> {
     (!series.is_empty()).then(|| Plot {
         key: format!("{}-{}", group.slug(), measure.key),
         title: format!("{}: {}", group.title(), measure.label),
+        caption: measure.label.to_owned(),
         x: "k".to_owned(),
         y: y_label(measure, group),
         kind: Kind::Lines,
@@ -173,6 +175,7 @@ fn bars(group: &Group, measure: &Measure) -> Option<Plot> {
     (!series.is_empty()).then(|| Plot {
         key: format!("{}-{}", group.slug(), measure.key),
         title: format!("{}: {}", group.title(), measure.label),
+        caption: measure.label.to_owned(),
         x: "tree".to_owned(),
         y: y_label(measure, group),
         kind: Kind::Bars(names),
