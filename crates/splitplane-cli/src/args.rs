@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
 use splitplane::{Axis, ObliquePricing, Ties, Traversal, TreeChoice};
-use splitplane_lab::{Preset, Settings, ties_named, traversal_named};
+use splitplane_lab::{Preset, Resolution, Settings, crop_named, ties_named, traversal_named};
 use splitplane_render::render::RenderSettings;
 
 /// Ray queries on triangle meshes with BSP trees whose split planes come from triangle normals:
@@ -36,6 +36,11 @@ pub enum Command {
     Build(BuildCommand),
     Compare(CompareCommand),
     Reproduce(ReproduceCommand),
+    Experiment(ExperimentCommand),
+    Plan(PlanCommand),
+    RunCell(RunCellCommand),
+    Merge(MergeCommand),
+    Report(ReportCommand),
     Cast(CastCommand),
     Slice(SliceCommand),
     Trees(TreesCommand),
@@ -128,6 +133,9 @@ pub struct CompareCommand {
     /// Write the records to this file [default: SCENE.json in the folder for output]
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    /// Write a report as well, with tables, plots and pictures: report.html
+    #[arg(long)]
+    pub report: bool,
     #[command(flatten)]
     pub out: OutArgs,
     #[command(flatten)]
@@ -166,7 +174,7 @@ pub struct ReproduceCommand {
     #[arg(long, default_value_t = 8, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u32).range(1..=1_000_000))]
     pub spp: u32,
     /// Size of the full picture in pixels; a width alone keeps the scene's proportions
-    #[arg(long, default_value = "1000", value_name = "WxH or W", allow_negative_numbers = true, value_parser = Resolution::parse)]
+    #[arg(long, default_value = "1000", value_name = "WxH or W", allow_negative_numbers = true, value_parser = str::parse::<Resolution>)]
     pub resolution: Resolution,
     /// Print the tables as Markdown
     #[arg(long)]
@@ -176,6 +184,140 @@ pub struct ReproduceCommand {
     pub out: Option<PathBuf>,
     #[command(flatten)]
     pub general: GeneralArgs,
+}
+
+/// Run a grid of trees, scenes and parameters, and report.
+///
+/// Each run is a process of its own and is written once it is done, so nothing is lost when the
+/// experiment is interrupted: --resume goes on where it stopped. Timed runs are single-threaded and
+/// take turns (A B C A B C); runs that only count go side by side. A run that crashes or takes too
+/// long is a line with its reason. Ends with report.html, tables as CSV and JSON, plots as SVG.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  splitplane experiment experiments/thesis-comparison.toml --quick
+  splitplane experiment experiments/thesis-k-sweep.toml --out sweep
+  splitplane experiment experiments/thesis-k-sweep.toml --out sweep --resume
+
+A file of an experiment:
+  title = \"Ties\"
+  timed = true
+  repetitions = 7
+  scenes = [\"truck\", { name = \"grove\", spp = 4 }]
+  trees = [\"kd\", \"wn+kd\"]       # the first is the measure of the others
+  [grid]                         # all combinations; any of --help's names below
+  k = [4, 6]
+  ties = [\"published\", \"tolerant\"]
+  [quick]                        # what --quick puts in place of the above
+  repetitions = 1
+
+Axes: k, preset, ties, oblique_pricing, traversal, intersection_cost, kd_traversal_cost,
+oblique_traversal_cost, alpha, empty_bonus, max_prims, seed, sample_seed, threads, spp, resolution,
+crop, max_depth.")]
+pub struct ExperimentCommand {
+    #[command(flatten)]
+    pub file: ExperimentArgs,
+    /// Go on with the experiment in the folder: run what is missing
+    #[arg(long)]
+    pub resume: bool,
+    /// With --resume, run again what failed
+    #[arg(long, requires = "resume")]
+    pub retry_failed: bool,
+    /// Counting runs at a time [default: one per core]; timed runs are always alone
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u16).range(1..=1024))]
+    pub jobs: Option<u16>,
+}
+
+/// Which experiment, and where its results go.
+#[derive(Debug, Args)]
+pub struct ExperimentArgs {
+    /// The file of the experiment
+    #[arg(value_name = "GRID.toml")]
+    pub file: PathBuf,
+    /// Take what the file's table `quick` says in place of the rest
+    #[arg(long)]
+    pub quick: bool,
+    /// The folder of the results [default: out/ and the file's name]
+    #[arg(long, value_name = "DIR")]
+    pub out: Option<PathBuf>,
+    #[command(flatten)]
+    pub search: SearchArgs,
+    /// No progress, notes or warnings
+    #[arg(long, short)]
+    pub quiet: bool,
+}
+
+/// Plan an experiment without running it: for engines that run its cells on many machines.
+///
+/// Writes plan.json, which lists the cells with their ids. `splitplane run-cell DIR ID` runs one,
+/// on any machine that sees the folder; `splitplane merge DIR` gathers what they gave.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  splitplane plan experiments/thesis-comparison.toml --out DIR --adapter hyperqueue
+  python DIR/hyperqueue-cells.py --local-workers 2
+  splitplane plan experiments/thesis-comparison.toml --out DIR --adapter slurm
+  cd DIR && mkdir -p logs && sbatch slurm-cells.sh
+  splitplane merge DIR")]
+pub struct PlanCommand {
+    #[command(flatten)]
+    pub file: ExperimentArgs,
+    /// Write the script that has this engine run the cells
+    #[arg(long, value_enum, ignore_case = true)]
+    pub adapter: Option<Engine>,
+}
+
+/// An engine that runs jobs on many machines.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Engine {
+    /// HyperQueue (`pip install hyperqueue`)
+    Hyperqueue,
+    /// A job array of SLURM
+    Slurm,
+}
+
+/// Run one cell of a plan, unless it is done, and write its result.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  splitplane run-cell DIR 3f2a90c417d8be65
+  splitplane run-cell DIR \"$SLURM_ARRAY_TASK_ID\"")]
+pub struct RunCellCommand {
+    /// The folder of the plan
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// The cell's id; or its place in the plan, from 0
+    #[arg(value_name = "CELL")]
+    pub cell: String,
+    #[command(flatten)]
+    pub search: SearchArgs,
+    /// Run it again if it failed
+    #[arg(long)]
+    pub retry_failed: bool,
+    /// Run it in this process, print the result, and end when the standard input does
+    #[arg(long, hide = true)]
+    pub worker: bool,
+}
+
+/// Gather the results of a plan's cells, check them, and report.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  splitplane merge DIR
+  splitplane merge DIR --from OTHER_DIR --from ANOTHER_DIR")]
+pub struct MergeCommand {
+    /// The folder of the plan
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
+    /// A folder that results of the same plan were written to; may be repeated
+    #[arg(long, value_name = "DIR")]
+    pub from: Vec<PathBuf>,
+}
+
+/// Write the report of an experiment: report.html, tables as CSV and JSON, plots as SVG.
+#[derive(Debug, Args)]
+#[command(after_help = "Example:
+  splitplane report DIR")]
+pub struct ReportCommand {
+    /// The folder of the experiment
+    #[arg(value_name = "DIR")]
+    pub folder: PathBuf,
 }
 
 /// Cast rays from a NumPy file at a mesh and write the hits as NumPy arrays.
@@ -253,7 +395,7 @@ pub struct SliceCommand {
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u32).range(0..=10_000))]
     pub depth: Option<u32>,
     /// The part to draw, in fractions of the picture from its left and top
-    #[arg(long, default_value = "0,1,0,1", value_name = "X0,X1,Y0,Y1", value_parser = crop, allow_hyphen_values = true)]
+    #[arg(long, default_value = "0,1,0,1", value_name = "X0,X1,Y0,Y1", value_parser = crop_named, allow_hyphen_values = true)]
     pub zoom: [f32; 4],
     /// Width of the picture in pixels
     #[arg(long, default_value_t = 1000, value_name = "PIXELS", allow_negative_numbers = true, value_parser = value_parser!(u32).range(100..=65_536))]
@@ -393,10 +535,10 @@ pub struct PictureArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u32).range(1..=1_000_000))]
     spp: Option<u32>,
     /// Size of the full picture in pixels; a width alone keeps the scene's proportions
-    #[arg(long, value_name = "WxH or W", allow_negative_numbers = true, value_parser = Resolution::parse)]
+    #[arg(long, value_name = "WxH or W", allow_negative_numbers = true, value_parser = str::parse::<Resolution>)]
     resolution: Option<Resolution>,
     /// The part to render, in fractions of the picture from its left and top
-    #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = crop, allow_hyphen_values = true)]
+    #[arg(long, value_name = "X0,X1,Y0,Y1", value_parser = crop_named, allow_hyphen_values = true)]
     crop: Option<[f32; 4]>,
     /// The most bounces of a path
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u32).range(0..=10_000))]
@@ -428,63 +570,6 @@ pub struct GeneralArgs {
     /// No progress, notes or warnings
     #[arg(long, short)]
     pub quiet: bool,
-}
-
-/// The size of a picture.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Resolution {
-    Full(u32, u32),
-    Width(u32),
-}
-
-/// The widest and highest picture.
-const MAX_SIDE: u32 = 65_536;
-
-impl Resolution {
-    fn parse(text: &str) -> Result<Resolution, String> {
-        let side = |part: &str| {
-            part.trim()
-                .parse()
-                .ok()
-                .filter(|side| (1..=MAX_SIDE).contains(side))
-                .ok_or_else(|| {
-                    format!("a size is like 800x600 or 800, each number from 1 to {MAX_SIDE}")
-                })
-        };
-        match text.split_once(['x', 'X', '×']) {
-            Some((width, height)) => Ok(Resolution::Full(side(width)?, side(height)?)),
-            None => Ok(Resolution::Width(side(text)?)),
-        }
-    }
-
-    /// Width and height, given those of the scene.
-    pub fn of(self, (width, height): (u32, u32)) -> (u32, u32) {
-        match self {
-            Resolution::Full(width, height) => (width, height),
-            Resolution::Width(given) => {
-                let proportion = f64::from(height) / f64::from(width.max(1));
-                let height = (f64::from(given) * proportion).round() as u32;
-                (given, height.clamp(1, MAX_SIDE))
-            }
-        }
-    }
-}
-
-fn crop(text: &str) -> Result<[f32; 4], String> {
-    let accepted = || {
-        "a part of the picture is like 0.25,0.75,0,1: x0,x1,y0,y1 from 0 to 1, x0 < x1, y0 < y1"
-            .to_owned()
-    };
-    let numbers: Vec<f32> = text
-        .split(',')
-        .map(|part| part.trim().parse().map_err(|_| accepted()))
-        .collect::<Result<_, _>>()?;
-    let crop: [f32; 4] = numbers.try_into().map_err(|_| accepted())?;
-    let [x0, x1, y0, y1] = crop;
-    let inside = crop.iter().all(|c| (0.0..=1.0).contains(c));
-    (inside && x0 < x1 && y0 < y1)
-        .then_some(crop)
-        .ok_or_else(accepted)
 }
 
 fn fraction(text: &str) -> Result<f64, String> {
@@ -551,35 +636,5 @@ mod tests {
     fn the_command_line_is_consistent() {
         use clap::CommandFactory;
         Cli::command().debug_assert();
-    }
-
-    #[test]
-    fn a_width_alone_keeps_the_proportions() {
-        assert_eq!(
-            Resolution::parse("300").unwrap().of((1000, 500)),
-            (300, 150)
-        );
-        assert_eq!(
-            Resolution::parse("30x40").unwrap().of((1000, 500)),
-            (30, 40)
-        );
-        for wrong in ["", "0", "10x", "x10", "10x10x10", "-5", "1e3", "99999999"] {
-            assert!(Resolution::parse(wrong).is_err(), "{wrong}");
-        }
-    }
-
-    #[test]
-    fn a_crop_lies_inside_the_picture() {
-        assert_eq!(crop("0, 0.5 ,0.25,1"), Ok([0.0, 0.5, 0.25, 1.0]));
-        for wrong in [
-            "",
-            "0,1,0",
-            "0.5,0.5,0,1",
-            "0,1,0,1.5",
-            "0,nan,0,1",
-            "0,1,0,1,0",
-        ] {
-            assert!(crop(wrong).is_err(), "{wrong}");
-        }
     }
 }

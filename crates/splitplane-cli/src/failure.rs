@@ -5,6 +5,9 @@ use std::path::Path;
 
 use miette::Report;
 use splitplane_lab::LabError;
+use splitplane_render::SceneError;
+
+use crate::scene;
 
 /// Why a command did not end well, by exit code.
 #[derive(Debug)]
@@ -13,6 +16,10 @@ pub enum Failure {
     Input(Report),
     /// Results differ that must not.
     Difference(Report),
+    /// The result of a cell cannot be written.
+    NotWritten(Report),
+    /// It was interrupted.
+    Interrupted,
     /// Nobody reads our output any more.
     BrokenPipe,
 }
@@ -37,7 +44,19 @@ impl From<io::Error> for Failure {
 
 impl From<LabError> for Failure {
     fn from(error: LabError) -> Failure {
-        Failure::input(error)
+        match error {
+            LabError::Scene(error) => Failure::Input(scene::report(&error)),
+            LabError::Experiment(error) => {
+                let place = SceneError {
+                    file: error.file.display().to_string(),
+                    line: error.line,
+                    column: error.column,
+                    message: error.message,
+                };
+                Failure::Input(scene::report(&place))
+            }
+            error => Failure::input(error),
+        }
     }
 }
 

@@ -13,6 +13,7 @@ mod scene;
 use std::process::ExitCode;
 
 use clap::Parser;
+use splitplane_lab::experiment::NOT_WRITTEN;
 use splitplane_lab::numbers;
 
 use args::{Cli, Command};
@@ -34,6 +35,11 @@ fn main() -> ExitCode {
         Command::Build(command) => commands::build::run(&command),
         Command::Compare(command) => commands::compare::run(&command),
         Command::Reproduce(command) => commands::reproduce::run(&command),
+        Command::Experiment(command) => commands::experiment::run(&command),
+        Command::Plan(command) => commands::experiment::plan(&command),
+        Command::RunCell(command) => commands::experiment::run_cell(&command),
+        Command::Merge(command) => commands::experiment::merge(&command),
+        Command::Report(command) => commands::experiment::report(&command),
         Command::Cast(command) => commands::cast::run(&command),
         Command::Slice(command) => commands::slice::run(&command),
         Command::Trees(command) => commands::trees::run(&command),
@@ -52,5 +58,10 @@ fn main() -> ExitCode {
             print::error(report);
             ExitCode::from(2)
         }
+        Err(Failure::NotWritten(report)) => {
+            print::error(report);
+            ExitCode::from(NOT_WRITTEN)
+        }
+        Err(Failure::Interrupted) => ExitCode::from(130),
     }
 }

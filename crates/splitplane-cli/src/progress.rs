@@ -4,7 +4,8 @@ use std::io::IsTerminal;
 use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use splitplane_lab::experiment::{Cell, CellResult, Events, Remaining};
 use splitplane_lab::{Step, Task, Watch};
 use splitplane_render::render::Progress;
 
@@ -66,8 +67,45 @@ impl Bar {
     }
 }
 
+impl Events for Bar {
+    fn started(&self, cell: &Cell, remaining: Remaining) {
+        self.grid(remaining);
+        let repetition = match cell.repetition {
+            0 => String::new(),
+            n => format!(", repetition {}", n + 1),
+        };
+        self.bar.set_message(format!(
+            "{}, {}{repetition}",
+            cell.scene,
+            cell.tree_with_k()
+        ));
+    }
+
+    fn finished(&self, _result: &CellResult, remaining: Remaining) {
+        self.grid(remaining);
+    }
+}
+
+impl Bar {
+    /// Cells that are done, and the time left for the others.
+    fn grid(&self, remaining: Remaining) {
+        let left = match remaining.time {
+            Some(time) => format!("about {} left", HumanDuration(time)),
+            None => "time left unknown".to_owned(),
+        };
+        self.bar.set_style(style(
+            "{spinner} {pos}/{len} {wide_bar} {prefix} {msg} ({elapsed})",
+            &GRID,
+        ));
+        self.bar.set_length(remaining.total as u64);
+        self.bar.set_position(remaining.done as u64);
+        self.bar.set_prefix(left);
+    }
+}
+
 const SPIN: &str = "{spinner} {msg} ({elapsed})";
 static SPINNER: OnceLock<ProgressStyle> = OnceLock::new();
+static GRID: OnceLock<ProgressStyle> = OnceLock::new();
 static RAYS: OnceLock<ProgressStyle> = OnceLock::new();
 
 fn style(template: &str, cell: &OnceLock<ProgressStyle>) -> ProgressStyle {

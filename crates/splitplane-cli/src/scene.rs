@@ -37,7 +37,7 @@ pub fn load_named(name: &str, args: &LoadArgs, quiet: bool) -> Result<Scene, Fai
 }
 
 /// The error, with the lines of the file that it speaks of where they can be shown.
-fn report(error: &SceneError) -> Report {
+pub fn report(error: &SceneError) -> Report {
     match place(error) {
         Some((source, at)) => {
             let label = LabeledSpan::new(None, at, 1);

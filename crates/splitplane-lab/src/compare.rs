@@ -5,8 +5,9 @@ use splitplane_render::render::{Progress, Rendered};
 use splitplane_render::scene::Scene;
 
 use crate::LabError;
-use crate::record::{PerRay, Record};
-use crate::run::{Settings, build_watched, record, render_with};
+use crate::numbers::{bytes, grouped, measured, percent, seconds};
+use crate::record::{CardRecord, PerRay, Record};
+use crate::run::{RenderTime, Settings, build, record, render_timed, render_with};
 use crate::stats::median;
 
 /// What a comparison is about to do.
@@ -46,13 +47,24 @@ pub struct Comparison {
     /// One record per repetition and tree: all trees of the first repetition, then all of the
     /// next.
     pub records: Vec<Record>,
-    /// The renderings with counters, one per tree.
-    pub rendered: Vec<(TreeChoice, Rendered)>,
+    /// The trees, as they were built first.
+    pub trees: Vec<ComparedTree>,
     /// Where results differ that must not; empty if all is well.
     pub differences: Vec<Difference>,
     /// Where pictures differ from the first tree's although they may: with
     /// [`Traversal::AsPublished`], hits in or near split planes may be missed.
     pub deviations: Vec<Difference>,
+}
+
+/// A tree of a comparison.
+#[derive(Clone, Debug)]
+pub struct ComparedTree {
+    /// The tree.
+    pub choice: TreeChoice,
+    /// What is known of it.
+    pub card: CardRecord,
+    /// The rendering with counters.
+    pub rendered: Rendered,
 }
 
 /// Results that differ although they must be the same.
@@ -98,7 +110,7 @@ pub fn compare(
 ) -> Result<Comparison, LabError> {
     let mut found = Comparison {
         records: Vec::new(),
-        rendered: Vec::new(),
+        trees: Vec::new(),
         differences: Vec::new(),
         deviations: Vec::new(),
     };
@@ -114,9 +126,9 @@ pub fn compare(
                 });
             };
             step(Task::Build);
-            let built = build_watched(&scene.mesh, tree, settings, watch)?;
+            let built = build(&scene.mesh, tree, settings, watch)?;
             step(Task::Time);
-            let timed = render_with(scene, &built, settings, false, watch)?;
+            let (timed, others_load) = render_timed(scene, &built, settings, watch)?;
             if let Some(first) = references.first()
                 && settings.traversal == Traversal::AsPublished
                 && repetition == 0
@@ -144,17 +156,19 @@ pub fn compare(
                 step(Task::Count);
                 let counted = render_with(scene, &built, settings, true, watch)?;
                 check(&counted, true);
-                found.rendered.push((tree, counted));
+                found.trees.push(ComparedTree {
+                    choice: tree,
+                    card: CardRecord::new(&built, &scene.name, settings),
+                    rendered: counted,
+                });
             }
-            let counted = &found.rendered[i].1;
-            let record = record(
-                scene,
-                &built,
-                settings,
-                repetition,
-                counted,
-                (timed.seconds, false),
-            );
+            let counted = &found.trees[i].rendered;
+            let time = RenderTime {
+                seconds: timed.seconds,
+                counted: false,
+                others_load,
+            };
+            let record = record(scene, &built, settings, repetition, counted, time);
             if repetition > 0 && !record.counts_like(&found.records[i]) {
                 found
                     .differences
@@ -217,6 +231,21 @@ pub enum Unit {
     Cost,
     /// Bytes.
     Bytes,
+    /// Parts of a hundred.
+    Percent,
+}
+
+impl Unit {
+    /// A number in this unit, as people read it.
+    pub fn text(self, value: f64) -> String {
+        match self {
+            Unit::Seconds => seconds(value),
+            Unit::Count => grouped(value as u64),
+            Unit::Cost => measured(value),
+            Unit::Bytes => bytes(value as u64),
+            Unit::Percent => percent(value),
+        }
+    }
 }
 
 impl Row {
@@ -312,6 +341,7 @@ mod tests {
             normal: vec![],
             rays: Default::default(),
             counts: Default::default(),
+            tests_by_leaf_size: Default::default(),
             pixel_counts: None,
             seconds: 0.0,
         };

@@ -4,35 +4,45 @@
 #![forbid(unsafe_code)]
 
 mod compare;
+pub mod experiment;
 mod machine;
 pub mod numbers;
 mod params;
 mod pictures;
 mod published;
 mod record;
+mod report;
 mod reproduce;
 mod run;
 mod slice;
 mod stats;
+mod window;
 mod write;
 
 use std::path::PathBuf;
 
-pub use compare::{Comparison, Difference, Row, Step, Task, Unit, Watch, compare, rows};
-pub use machine::{Machine, peak_memory_bytes};
+pub use compare::{
+    ComparedTree, Comparison, Difference, Row, Step, Task, Unit, Watch, compare, rows,
+};
+pub use machine::{Machine, OthersLoad, peak_memory_bytes};
 pub use params::{
     ParamsRecord, Preset, UnknownName, ties_name, ties_named, traversal_name, traversal_named,
 };
 pub use pictures::{Quantity, shared_scale};
 pub use published::QUANTITIES;
 pub use record::{CardRecord, NodeRecord, PerRay, Record, write_records};
+pub use report::Report;
 pub use reproduce::{
     Figure, FigureLine, FigureTable, Measured, figure_tables, reproduce, reproduction_steps,
     trees_of_the_thesis,
 };
-pub use run::{Built, Settings, build, build_watched, record, render_with};
+pub use run::{
+    Built, LeafSizeRecord, RenderTime, Run, Settings, Timing, build, measure, record, render_timed,
+    render_with,
+};
 pub use slice::{Slice, SliceSettings};
-pub use stats::median;
+pub use stats::{CONFIDENCE, Estimate, estimate, median};
+pub use window::{Resolution, crop_named};
 pub use write::write_whole;
 
 /// What can go wrong in the laboratory.
@@ -55,6 +65,89 @@ pub enum LabError {
         /// Why not.
         source: rayon::ThreadPoolBuildError,
     },
+    /// The scene could not be read.
+    #[error(transparent)]
+    Scene(#[from] splitplane_render::SceneError),
+    /// A picture could not be written.
+    #[error(transparent)]
+    Picture(#[from] splitplane_render::output::OutputError),
+    /// An experiment's file says what cannot be.
+    #[error(transparent)]
+    Experiment(Box<experiment::ExperimentError>),
+    /// Two scenes of an experiment have one label.
+    #[error("two scenes are called \"{label}\"; give one of them another label")]
+    SameLabel {
+        /// The label.
+        label: String,
+    },
+    /// Conditions that do not suit a scene, or mean nothing.
+    #[error("{scene}: {message}")]
+    Conditions {
+        /// The scene, by its label.
+        scene: String,
+        /// What is wrong, and what would be accepted.
+        message: String,
+    },
+    /// A scene is not the one that an experiment was planned with.
+    #[error(
+        "the scene {scene} is not the one that was planned: its geometry, camera or film is \
+         another; plan the experiment again"
+    )]
+    OtherScene {
+        /// The scene, by its label.
+        scene: String,
+    },
+    /// A plan is another program's.
+    #[error(
+        "the plan was made by Splitplane {planned}, this is {this}; plan the experiment again, or \
+         use that version"
+    )]
+    OtherProgram {
+        /// Version and commit that the plan was made with.
+        planned: String,
+        /// Version and commit of this program.
+        this: String,
+    },
+    /// Something is not part of a plan.
+    #[error("the plan has no {what}")]
+    NotPlanned {
+        /// What.
+        what: String,
+    },
+    /// A folder is in use.
+    #[error("another process runs the experiment in {}", path.display())]
+    InUse {
+        /// The folder.
+        path: PathBuf,
+    },
+    /// A cell's process cannot do its work, through no fault of the cell.
+    #[error("{reason}")]
+    Worker {
+        /// Why.
+        reason: String,
+    },
+    /// A file could not be read.
+    #[error("{} cannot be read: {source}", path.display())]
+    Read {
+        /// The file.
+        path: PathBuf,
+        /// Why.
+        source: std::io::Error,
+    },
+    /// A file does not hold what it should.
+    #[error("{} is damaged: {reason}", path.display())]
+    Damaged {
+        /// The file.
+        path: PathBuf,
+        /// What is wrong.
+        reason: String,
+    },
+    /// Something could not be put into words.
+    #[error("results cannot be written: {source}")]
+    Format {
+        /// Why.
+        source: serde_json::Error,
+    },
     /// A file could not be written.
     #[error("{} cannot be written: {source}", path.display())]
     Write {
@@ -63,4 +156,10 @@ pub enum LabError {
         /// Why.
         source: std::io::Error,
     },
+}
+
+impl LabError {
+    pub(crate) fn json(source: serde_json::Error) -> LabError {
+        LabError::Format { source }
+    }
 }

@@ -34,11 +34,82 @@ impl Machine {
         }
     }
 
-    /// Whether others kept the machine so busy that times on it mean little: more than a quarter
-    /// of its processors were in use before the measurement.
+    /// Whether the machine was so busy before the measurement that times on it may mean little: more
+    /// than a quarter of its processors were in use, by whomever. [`crate::Record::was_disturbed`]
+    /// knows better where the system tells.
     pub fn is_busy(&self) -> bool {
         self.load_1m
             .is_some_and(|load| load > 0.25 * self.cores as f64)
+    }
+}
+
+/// Measures how busy others keep the machine while something is timed.
+#[derive(Clone, Copy, Debug)]
+pub struct OthersLoad {
+    start: Option<Ticks>,
+}
+
+/// Processor time since the system began, in the system's ticks.
+#[derive(Clone, Copy, Debug)]
+struct Ticks {
+    /// All processors together, idle or not.
+    all: u64,
+    /// All processors together, at work: for anybody, or for another machine on the same hardware.
+    busy: u64,
+    /// For this process.
+    own: u64,
+    /// How many processors there are; this process may be confined to fewer.
+    processors: usize,
+}
+
+impl OthersLoad {
+    /// Begins.
+    pub fn start() -> OthersLoad {
+        OthersLoad {
+            start: Ticks::now(),
+        }
+    }
+
+    /// Processors that other processes kept busy since the start, on average; `None` where the
+    /// system does not say (it does on Linux), or where the time was too short to tell.
+    pub fn stop(self) -> Option<f64> {
+        Ticks::now()?.others_since(self.start?)
+    }
+}
+
+impl Ticks {
+    /// Processors that others kept busy since `start`.
+    fn others_since(self, start: Ticks) -> Option<f64> {
+        let each = self.all.saturating_sub(start.all) as f64 / self.processors as f64;
+        // Each of the three may be off by a tick a processor.
+        if each < 20.0 {
+            return None;
+        }
+        let own = self.own.saturating_sub(start.own);
+        let others = self.busy.saturating_sub(start.busy).saturating_sub(own);
+        Some(others as f64 / each)
+    }
+
+    fn now() -> Option<Ticks> {
+        let system = std::fs::read_to_string("/proc/stat").ok()?;
+        let fields: Vec<u64> = (system.lines().next()?.split_whitespace().skip(1))
+            .map_while(|field| field.parse().ok())
+            .collect();
+        // user nice system idle iowait irq softirq steal; guests are part of user.
+        let all: u64 = fields.get(..8)?.iter().sum();
+        let own = std::fs::read_to_string("/proc/self/stat").ok()?;
+        // The name of the process may hold anything but ends with the last bracket.
+        let own: Vec<&str> = own.rsplit(')').next()?.split_whitespace().collect();
+        let ticks = |i: usize| own.get(i)?.parse::<u64>().ok();
+        Some(Ticks {
+            all,
+            busy: all - fields[3] - fields[4],
+            own: ticks(11)? + ticks(12)?,
+            processors: (system.lines().skip(1))
+                .filter(|line| line.starts_with("cpu"))
+                .count()
+                .max(1),
+        })
     }
 }
 
@@ -62,6 +133,47 @@ mod tests {
         let machine = Machine::now();
         assert!(machine.cores >= 1);
         assert!(!machine.cpu.is_empty() && !machine.os.is_empty());
+    }
+
+    #[test]
+    fn the_load_of_others_is_what_is_busy_and_not_ones_own() {
+        let start = Ticks {
+            all: 1000,
+            busy: 500,
+            own: 70,
+            processors: 2,
+        };
+        // A second of two processors: one of them busy with this process, the other half of it.
+        let end = Ticks {
+            all: 1200,
+            busy: 650,
+            own: 170,
+            processors: 2,
+        };
+        assert_eq!(end.others_since(start), Some(0.5));
+        let alone = Ticks { busy: 600, ..end };
+        assert_eq!(alone.others_since(start), Some(0.0));
+        let soon = Ticks { all: 1030, ..end };
+        assert_eq!(soon.others_since(start), None);
+    }
+
+    #[test]
+    #[cfg(target_os = "linux")]
+    fn another_process_at_work_is_seen() {
+        use std::time::Duration;
+        let over = |work: &mut dyn FnMut()| {
+            let load = OthersLoad::start();
+            work();
+            load.stop().expect("half a second is enough to tell")
+        };
+        let mut other = std::process::Command::new("sh")
+            .args(["-c", "while :; do :; done"])
+            .spawn()
+            .unwrap();
+        let disturbed = over(&mut || std::thread::sleep(Duration::from_millis(600)));
+        other.kill().unwrap();
+        other.wait().unwrap();
+        assert!(disturbed > 0.3, "{disturbed}");
     }
 
     #[test]

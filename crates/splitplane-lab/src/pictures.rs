@@ -31,6 +31,14 @@ impl Quantity {
         }
     }
 
+    /// The counters that it is the sum of, by their names in EXR files.
+    pub(crate) fn counters(self) -> &'static [&'static str] {
+        match self {
+            Quantity::TriangleTests => &["triangle_tests"],
+            Quantity::NodeVisits => &["kd_visits", "oblique_visits"],
+        }
+    }
+
     fn of(self, counts: &PixelCounts) -> f64 {
         match self {
             Quantity::TriangleTests => f64::from(counts.triangle_tests),

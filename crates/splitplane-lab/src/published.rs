@@ -65,7 +65,7 @@ impl Source {
             },
             Source {
                 name: "thesis",
-                rows: thesis(include_str!("../data/thesis.csv")).expect(well_formed),
+                rows: thesis(THESIS).expect(well_formed),
             },
         ]
     }
@@ -154,25 +154,108 @@ const THESIS_SCENES: [(&str, u64); 4] = [
     ("museum", 1_462_840),
 ];
 
-fn thesis(text: &str) -> Result<Vec<Row>, csv::Error> {
-    #[derive(Deserialize)]
-    struct Line {
-        experiment: String,
-        tree: String,
-        k: Option<u32>,
-        scene: String,
-        nodes: f64,
-        sah_cost: f64,
-        triangle_tests_closest: f64,
-        triangle_tests_shadow: f64,
-        total_visits_closest: f64,
-        total_visits_shadow: f64,
+/// A line of the thesis's results.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+pub(crate) struct ThesisLine {
+    experiment: String,
+    tree: String,
+    k: Option<u32>,
+    scene: String,
+    pub(crate) render_s: f64,
+    pub(crate) build_s: f64,
+    pub(crate) nodes: f64,
+    pub(crate) kd_nodes: f64,
+    pub(crate) oblique_nodes: f64,
+    pub(crate) sah_cost: f64,
+    pub(crate) triangle_tests_closest: f64,
+    pub(crate) triangle_tests_shadow: f64,
+    pub(crate) kd_visits_closest: f64,
+    pub(crate) kd_visits_shadow: f64,
+    pub(crate) oblique_visits_closest: f64,
+    pub(crate) oblique_visits_shadow: f64,
+    total_visits_closest: f64,
+    total_visits_shadow: f64,
+}
+
+/// What the thesis has of one scene.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Thesis {
+    /// The triangles of its scene; those of a scene of the same name may be more or fewer.
+    pub(crate) triangles: u64,
+    lines: Vec<ThesisLine>,
+    /// Cumulative shares of the triangle tests by leaf size: `(tree, size, share)`.
+    leaf_sizes: Vec<(String, f64, f64)>,
+    /// Shares of kd nodes among the interior nodes of a depth: `(tree, depth, share)`.
+    depths: Vec<(String, f64, f64)>,
+}
+
+/// A curve of the thesis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Curve {
+    /// The cumulative share of triangle tests by the size of the leaf.
+    TestsByLeafSize,
+    /// The share of kd nodes among the interior nodes of a depth.
+    KdShareByDepth,
+}
+
+impl Thesis {
+    /// What the thesis has of the scene of that name; nothing of most.
+    pub(crate) fn of(scene: &str) -> Thesis {
+        let well_formed = "a test reads the embedded figures";
+        let Some(&(_, triangles)) = THESIS_SCENES.iter().find(|(name, _)| *name == scene) else {
+            return Thesis::default();
+        };
+        let mut lines = thesis_lines(THESIS).expect(well_formed);
+        lines.retain(|line| line.scene == scene);
+        let of_scene = |text| {
+            let curves = thesis_curves(text).expect(well_formed);
+            let of_scene = curves.into_iter().filter(|line| line.1 == scene);
+            of_scene.map(|(tree, _, x, y)| (tree, x, y)).collect()
+        };
+        Thesis {
+            triangles,
+            lines,
+            leaf_sizes: of_scene(include_str!("../data/thesis-leaf-size.csv")),
+            depths: of_scene(include_str!("../data/thesis-kd-share-by-depth.csv")),
+        }
     }
+
+    /// What it has of a tree.
+    pub(crate) fn line(&self, tree: TreeChoice) -> Option<&ThesisLine> {
+        (self.lines.iter())
+            .find(|line| (line.tree.as_str(), line.k) == (tree.spec.name, tree.direction_count))
+    }
+
+    /// A curve of a tree; empty where it has none.
+    pub(crate) fn curve(&self, curve: Curve, tree: TreeChoice) -> Vec<(f64, f64)> {
+        let name = tree.to_string();
+        let lines = match curve {
+            Curve::TestsByLeafSize => &self.leaf_sizes,
+            Curve::KdShareByDepth => &self.depths,
+        };
+        let of_tree = lines.iter().filter(|(tree, _, _)| *tree == name);
+        of_tree.map(|&(_, x, y)| (x, y)).collect()
+    }
+}
+
+const THESIS: &str = include_str!("../data/thesis.csv");
+
+/// The lines; the first of a tree and scene is the one that counts.
+fn thesis_lines(text: &str) -> Result<Vec<ThesisLine>, csv::Error> {
     let mut reader = csv::Reader::from_reader(text.as_bytes());
-    let mut lines: Vec<Line> = reader.deserialize().collect::<Result<_, _>>()?;
-    // The first line of a tree is the one that counts.
+    let mut lines: Vec<ThesisLine> = reader.deserialize().collect::<Result<_, _>>()?;
     lines.sort_by_key(|line| line.experiment != "comparison");
-    let row = |line: Line| Row {
+    Ok(lines)
+}
+
+/// Tree, scene, x and y of each line.
+fn thesis_curves(text: &str) -> Result<Vec<(String, String, f64, f64)>, csv::Error> {
+    let mut reader = csv::Reader::from_reader(text.as_bytes());
+    reader.deserialize().collect()
+}
+
+fn thesis(text: &str) -> Result<Vec<Row>, csv::Error> {
+    let row = |line: ThesisLine| Row {
         triangles: THESIS_SCENES
             .iter()
             .find(|(scene, _)| *scene == line.scene)
@@ -193,7 +276,7 @@ fn thesis(text: &str) -> Result<Vec<Row>, csv::Error> {
         ]
         .map(Some),
     };
-    Ok(lines.into_iter().map(row).collect())
+    Ok(thesis_lines(text)?.into_iter().map(row).collect())
 }
 
 #[cfg(test)]
@@ -261,5 +344,34 @@ mod tests {
         // The table of the thesis has 147.6, 28.5, 19.0 and 16.1.
         let rounded = percent.map(|p| (10.0 * p.unwrap()).round() / 10.0);
         assert_eq!(rounded[..4], [147.6, 28.5, 19.0, 16.1]);
+    }
+
+    #[test]
+    fn every_curve_of_the_thesis_is_of_a_tree_of_its_table_and_ends_where_it_must() {
+        for (scene, _) in THESIS_SCENES {
+            let thesis = Thesis::of(scene);
+            assert!(!thesis.lines.is_empty());
+            for curve in [Curve::TestsByLeafSize, Curve::KdShareByDepth] {
+                let (lines, cumulative) = match curve {
+                    Curve::TestsByLeafSize => (&thesis.leaf_sizes, true),
+                    Curve::KdShareByDepth => (&thesis.depths, false),
+                };
+                assert!(!lines.is_empty());
+                for (tree, _, share) in lines {
+                    let choice: TreeChoice = tree.parse().unwrap();
+                    assert!(thesis.line(choice).is_some(), "{tree} in {scene}");
+                    assert!(
+                        (0.0..=1.0 + 1e-9).contains(share),
+                        "{tree} in {scene}: {share}"
+                    );
+                    let curve = thesis.curve(curve, choice);
+                    let rises = curve
+                        .windows(2)
+                        .all(|w| w[0].0 < w[1].0 && w[0].1 <= w[1].1 + 1e-9);
+                    assert!(!cumulative || rises, "{tree} in {scene}");
+                }
+            }
+        }
+        assert_eq!(Thesis::of("truck"), Thesis::default());
     }
 }

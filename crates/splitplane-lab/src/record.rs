@@ -59,6 +59,10 @@ pub struct Record {
     pub render_s: f64,
     /// Whether counters ran while `render_s` was taken.
     pub counted_while_timed: bool,
+    /// Processors that other processes kept busy while the tree was built or the picture rendered,
+    /// whichever was more; null where the system does not say, or it was too short to tell.
+    #[serde(default)]
+    pub others_load: Option<f64>,
     /// Nodes by kind.
     pub nodes: NodeRecord,
     /// Triangle references in all leaves.
@@ -158,6 +162,16 @@ impl Record {
         match self.k {
             Some(k) => format!("{}:{k}", self.tree),
             None => self.tree.clone(),
+        }
+    }
+
+    /// Whether others kept the machine busy while times were taken, so that they mean little: more
+    /// than a tenth of a processor. Where the system does not tell that, whether the machine was
+    /// busy before.
+    pub fn was_disturbed(&self) -> bool {
+        match self.others_load {
+            Some(load) => load > 0.1,
+            None => self.machine.is_busy(),
         }
     }
 

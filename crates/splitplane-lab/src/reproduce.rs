@@ -9,7 +9,7 @@ use crate::compare::{Step, Task, Watch, differing_pixels};
 use crate::params::Preset;
 use crate::published::{Figures, OF_THE_TREE, Place, QUANTITIES, Source};
 use crate::record::Record;
-use crate::run::{Settings, build_watched, record, render_with};
+use crate::run::{RenderTime, Settings, build, record, render_with};
 
 /// One tree, built with one way to treat ties, and the scene rendered with one traversal.
 #[derive(Clone, Debug)]
@@ -79,7 +79,7 @@ pub fn reproduce(
                 ..settings.clone()
             };
             step(Task::Build);
-            let mut built = build_watched(&scene.mesh, tree, &settings, watch)?;
+            let mut built = build(&scene.mesh, tree, &settings, watch)?;
             let mut pictures: Vec<Rendered> = Vec::new();
             for traversal in TRAVERSALS {
                 step(Task::Count);
@@ -87,18 +87,16 @@ pub fn reproduce(
                 built.tree = built.tree.with_traversal(traversal);
                 pictures.push(render_with(scene, &built, &settings, true, watch)?);
                 let picture = &pictures[pictures.len() - 1];
+                let time = RenderTime {
+                    seconds: picture.seconds,
+                    counted: true,
+                    others_load: None,
+                };
                 measured.push(Measured {
                     tree,
                     ties,
                     traversal,
-                    record: record(
-                        scene,
-                        &built,
-                        &settings,
-                        0,
-                        picture,
-                        (picture.seconds, true),
-                    ),
+                    record: record(scene, &built, &settings, 0, picture, time),
                     wrong_pixels: 0,
                 });
             }

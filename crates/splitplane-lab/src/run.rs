@@ -1,15 +1,17 @@
 //! One tree: built, rendered with, and recorded.
 
+use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 use splitplane::{BuildParams, Counts, Mesh, Progress, Traversal, Tree, TreeCard, TreeChoice};
-use splitplane_render::render::{RenderSettings, Rendered, render};
+use splitplane_render::render::{LeafSizes, RenderSettings, Rendered, render};
 use splitplane_render::scene::{Scene, settings::Integrator};
 
 use crate::LabError;
-use crate::machine::{Machine, peak_memory_bytes};
+use crate::experiment::digest;
+use crate::machine::{Machine, OthersLoad, peak_memory_bytes};
 use crate::params::{ParamsRecord, Preset, traversal_name};
-use crate::record::{PerRay, Record, version_and_commit};
+use crate::record::{CardRecord, PerRay, Record, version_and_commit};
 
 /// The conditions that all trees of an experiment share.
 #[derive(Clone, Debug, PartialEq)]
@@ -50,21 +52,121 @@ pub struct Built {
     pub threads: usize,
     /// The machine, and its load when the build began.
     pub machine: Machine,
+    /// Processors that others kept busy during the build; `None` where that is not known.
+    pub others_load: Option<f64>,
 }
 
-/// Builds a tree, on as many threads as the settings say.
-///
-/// # Errors
-/// Parameters out of range, a tree too large for its nodes, or no threads.
-pub fn build(mesh: &Mesh, choice: TreeChoice, settings: &Settings) -> Result<Built, LabError> {
-    build_watched(mesh, choice, settings, &())
+/// All that is known of one run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Run {
+    /// What was measured.
+    pub record: Record,
+    /// The tree.
+    pub card: CardRecord,
+    /// Triangle tests by the size of the leaf.
+    pub tests_by_leaf_size: LeafSizeRecord,
+    /// SHA-256 of the picture with counters.
+    pub picture: String,
+    /// SHA-256 of the picture without, where there is one.
+    pub picture_timed: Option<String>,
+    /// How long all of it took, the loading of the scene apart, in seconds.
+    pub seconds: f64,
 }
 
-/// As [`build`], watched.
+/// Triangle tests by the size of the leaf that they were made in: `[[triangles, tests]]`, ascending.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct LeafSizeRecord {
+    /// Of camera and bounce rays.
+    pub closest: Vec<(u32, u64)>,
+    /// Of shadow rays.
+    pub shadow: Vec<(u32, u64)>,
+}
+
+impl LeafSizeRecord {
+    pub(crate) fn of(rendered: &Rendered) -> LeafSizeRecord {
+        let sizes = &rendered.tests_by_leaf_size;
+        let mut closest = sizes.camera.clone();
+        closest += &sizes.bounce;
+        let pairs = |sizes: &LeafSizes| {
+            (sizes.0.iter().enumerate())
+                .filter(|(_, tests)| **tests > 0)
+                .map(|(size, &tests)| (size as u32, tests))
+                .collect()
+        };
+        LeafSizeRecord {
+            closest: pairs(&closest),
+            shadow: pairs(&sizes.shadow),
+        }
+    }
+}
+
+/// How a run is timed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Timing {
+    /// By a rendering of its own, without counters.
+    Alone,
+    /// By the rendering that counts: for those that are after the counts.
+    WhileCounting,
+}
+
+/// Builds a tree and renders the scene with it: once without counters, for the time, where
+/// `timing` asks for it, and once with.
 ///
 /// # Errors
-/// As [`build`], or cancelled by `progress`.
-pub fn build_watched(
+/// As [`build`] and [`render_with`].
+pub fn measure(
+    scene: &Scene,
+    tree: TreeChoice,
+    settings: &Settings,
+    repetition: u32,
+    timing: Timing,
+) -> Result<(Run, Rendered), LabError> {
+    let start = Instant::now();
+    let built = build(&scene.mesh, tree, settings, &())?;
+    let timed = match timing {
+        Timing::Alone => Some(render_timed(scene, &built, settings, &())?),
+        Timing::WhileCounting => None,
+    };
+    let counted = render_with(scene, &built, settings, true, &())?;
+    let time = match &timed {
+        Some((timed, load)) => RenderTime {
+            seconds: timed.seconds,
+            counted: false,
+            others_load: *load,
+        },
+        None => RenderTime {
+            seconds: counted.seconds,
+            counted: true,
+            others_load: None,
+        },
+    };
+    let run = Run {
+        record: record(scene, &built, settings, repetition, &counted, time),
+        card: CardRecord::new(&built, &scene.name, settings),
+        tests_by_leaf_size: LeafSizeRecord::of(&counted),
+        picture: digest([bytemuck::cast_slice(&counted.radiance)]),
+        picture_timed: timed.map(|(timed, _)| digest([bytemuck::cast_slice(&timed.radiance)])),
+        seconds: start.elapsed().as_secs_f64(),
+    };
+    Ok((run, counted))
+}
+
+/// The time of a rendering, and how it was taken.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct RenderTime {
+    /// The time, in seconds.
+    pub seconds: f64,
+    /// Counters ran meanwhile.
+    pub counted: bool,
+    /// Processors that others kept busy meanwhile; `None` where that is not known.
+    pub others_load: Option<f64>,
+}
+
+/// Builds a tree, watched, on as many threads as the settings say.
+///
+/// # Errors
+/// Parameters out of range, a tree too large for its nodes, no threads, or cancelled by `progress`.
+pub fn build(
     mesh: &Mesh,
     choice: TreeChoice,
     settings: &Settings,
@@ -75,9 +177,11 @@ pub fn build_watched(
         .build()
         .map_err(|source| LabError::Threads { source })?;
     let machine = Machine::now();
+    let load = OthersLoad::start();
     let start = Instant::now();
     let tree = pool.install(|| Tree::build_watched(mesh, choice, &settings.params, progress));
     let seconds = start.elapsed().as_secs_f64();
+    let others_load = load.stop();
     let tree = tree.map_err(|source| LabError::Build {
         tree: choice.to_string(),
         source,
@@ -88,7 +192,24 @@ pub fn build_watched(
         seconds,
         threads: pool.current_num_threads(),
         machine,
+        others_load,
     })
+}
+
+/// Renders a scene without counters, for its time; with the processors that others kept busy
+/// meanwhile, where that is known.
+///
+/// # Errors
+/// As [`render`].
+pub fn render_timed(
+    scene: &Scene,
+    built: &Built,
+    settings: &Settings,
+    progress: &dyn Progress,
+) -> Result<(Rendered, Option<f64>), LabError> {
+    let load = OthersLoad::start();
+    let rendered = render_with(scene, built, settings, false, progress)?;
+    Ok((rendered, load.stop()))
 }
 
 /// Renders a scene with a tree that was built over its mesh, counting or not.
@@ -111,15 +232,14 @@ pub fn render_with(
 
 /// The record of a run.
 ///
-/// `counted` is a rendering with counters; `timed` is the one whose time counts, with or without
-/// counters, as `counted_while_timed` says.
+/// `counted` is a rendering with counters; `time` is that of the rendering whose time counts.
 pub fn record(
     scene: &Scene,
     built: &Built,
     settings: &Settings,
     repetition: u32,
     counted: &Rendered,
-    (render_s, counted_while_timed): (f64, bool),
+    time: RenderTime,
 ) -> Record {
     let card = &built.card;
     let (version, commit) = version_and_commit();
@@ -159,8 +279,12 @@ pub fn record(
         build_params: ParamsRecord::from(&settings.params),
         traversal: traversal_name(settings.traversal).to_owned(),
         build_s: built.seconds,
-        render_s,
-        counted_while_timed,
+        render_s: time.seconds,
+        counted_while_timed: time.counted,
+        others_load: match (built.others_load, time.others_load) {
+            (Some(a), Some(b)) => Some(a.max(b)),
+            (a, b) => a.or(b),
+        },
         nodes: card.nodes.into(),
         references: card.references,
         depth: card.depth,

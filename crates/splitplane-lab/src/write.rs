@@ -23,7 +23,11 @@ pub fn write_whole(
         Err(_) => path.to_owned(),
     };
     let beside = unfinished(&place)?;
-    let written = fill_file(&beside, fill).and_then(|()| fs::rename(&beside, &place));
+    // Moved only once it is on the disk: else its place could be that of an empty file after the
+    // machine went down.
+    let written = fill_file(&beside, fill)
+        .and_then(|()| File::open(&beside)?.sync_all())
+        .and_then(|()| fs::rename(&beside, &place));
     if written.is_err() {
         // The first error is the one to tell.
         let _ = fs::remove_file(&beside);

@@ -129,7 +129,8 @@ fn all_trees_give_one_picture_and_their_counters_do_not_depend_on_the_threads() 
         assert!(record.triangle_tests.camera > 0 && record.leaf_visits.shadow > 0);
         assert_eq!(record.max_depth, Some(3));
     }
-    for ((tree, a), (_, b)) in one.rendered.iter().zip(&two.rendered) {
+    for (a, b) in one.trees.iter().zip(&two.trees) {
+        let (tree, a, b) = (a.choice, &a.rendered, &b.rendered);
         assert_eq!(a.radiance, b.radiance, "{tree}");
         assert_eq!(a.pixel_counts, b.pixel_counts, "{tree}");
     }
@@ -139,7 +140,8 @@ fn all_trees_give_one_picture_and_their_counters_do_not_depend_on_the_threads() 
 fn counters_per_pixel_add_up_to_the_totals() {
     let scene = hills();
     let found = compare(&scene, &all_trees(), &settings(1), 1, &()).unwrap();
-    for (record, (tree, picture)) in found.records.iter().zip(&found.rendered) {
+    for (record, tree) in found.records.iter().zip(&found.trees) {
+        let (tree, picture) = (tree.choice, &tree.rendered);
         for quantity in Quantity::ALL {
             let total = match quantity {
                 Quantity::TriangleTests => record.triangle_tests.total(),

@@ -100,6 +100,7 @@ fn not_counting_changes_the_counters_only() {
     assert_eq!(plain.counts.camera, Counts::default());
     assert!(counted.counts.camera.triangle_tests > 0);
     plain.counts = counted.counts;
+    plain.tests_by_leaf_size = counted.tests_by_leaf_size.clone();
     plain.pixel_counts = counted.pixel_counts.clone();
     assert_eq!(plain, counted);
 }
@@ -120,6 +121,19 @@ fn counters_of_pixels_add_up_to_those_of_rays() {
     closest += picture.counts.bounce;
     assert_eq!(sum(&counters.closest), closest);
     assert_eq!(sum(&counters.shadow), picture.counts.shadow);
+    let sizes = &picture.tests_by_leaf_size;
+    for (sizes, counts) in [
+        (&sizes.camera, &picture.counts.camera),
+        (&sizes.bounce, &picture.counts.bounce),
+        (&sizes.shadow, &picture.counts.shadow),
+    ] {
+        assert_eq!(sizes.0.iter().sum::<u64>(), counts.triangle_tests);
+        assert_eq!(
+            sizes.0.first(),
+            Some(&0),
+            "no test in a leaf without triangles"
+        );
+    }
     assert_eq!(picture.rays.camera, 70 * 41 * 3);
     assert!(picture.rays.bounce > 0 && picture.rays.shadow > 0);
 }

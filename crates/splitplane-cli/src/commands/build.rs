@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use splitplane_lab::{CardRecord, Preset, build_watched, median};
+use splitplane_lab::{CardRecord, Preset, build, median};
 
 use crate::args::BuildCommand;
 use crate::failure::Failure;
@@ -24,7 +24,7 @@ pub fn run(command: &BuildCommand) -> Result<(), Failure> {
                 repeat => format!(" ({} of {repeat})", repetition + 1),
             };
             bar.spin(format!("{tree}: building the tree{which}"));
-            let built = build_watched(&scene.mesh, tree, &settings, &bar)?;
+            let built = build(&scene.mesh, tree, &settings, &bar)?;
             cards.push(CardRecord::new(&built, &scene.name, &settings));
         }
     }

@@ -30,7 +30,7 @@ pub fn run(command: &CastCommand) -> Result<(), Failure> {
         None => TreeChoice::new(TREES[0].name, None).map_err(Failure::input)?,
     };
     bar.spin(format!("{tree}: building the tree"));
-    let built = build(&scene.mesh, tree, &settings)?;
+    let built = build(&scene.mesh, tree, &settings, &bar)?;
     bar.spin(format!("casting {}", count(rays.len() as u64, "ray")));
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(command.general.threads())

@@ -3,15 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use splitplane::{Traversal, TreeChoice};
+use splitplane_lab::experiment::SceneFacts;
 use splitplane_lab::{
-    Comparison, Difference, Preset, Quantity, Record, Row, Unit, compare, peak_memory_bytes, rows,
-    shared_scale, write_records,
+    Comparison, Difference, Preset, Quantity, Record, Report, Row, compare, peak_memory_bytes,
+    rows, shared_scale, write_records,
 };
 use splitplane_render::output::{write_exr, write_false_colour, write_png};
 
 use crate::args::CompareCommand;
 use crate::failure::{Failure, writable_folder, writable_place};
-use crate::numbers::{bytes, count, grouped, measured, percent, seconds};
+use crate::numbers::{bytes, count, grouped, percent};
 use crate::progress::{self, Bar};
 use crate::{print, scene};
 
@@ -41,11 +42,11 @@ pub fn run(command: &CompareCommand) -> Result<(), Failure> {
     let Some(first) = found.records.first() else {
         return Err(Failure::input("--trees names no tree"));
     };
-    if first.machine.is_busy() && !quiet {
+    let disturbed = found.records.iter().filter(|r| r.was_disturbed()).count();
+    if disturbed > 0 && !quiet {
         print::warning(&format!(
-            "the machine was busy when this began (load {} on {} cores): times may mislead",
-            measured(first.machine.load_1m.unwrap_or(0.0)),
-            first.machine.cores
+            "the machine was busy with other work during {disturbed} of {}: times may mislead",
+            count(found.records.len() as u64, "run")
         ));
     }
 
@@ -53,12 +54,20 @@ pub fn run(command: &CompareCommand) -> Result<(), Failure> {
     let (names, rows) = rows(&found.records);
     print::line(&table(&names, &rows))?;
 
-    let written = write(command, &scene::file_name(&scene.name), &found)?;
+    let mut written = write(command, &scene::file_name(&scene.name), &found)?;
+    if command.report {
+        let again = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
+        let told = found.differences.iter().map(told).collect();
+        let facts = SceneFacts::of(&scene);
+        let report = Report::of_comparison(&found, facts, format!("splitplane {again}"), told);
+        let paths = report.write(&command.out.out)?;
+        written.extend(paths.into_iter().map(|path| ("report", path)));
+    }
     for deviation in &found.deviations {
         print::line(&told(deviation))?;
     }
     if found.differences.is_empty() && settings.traversal == Traversal::Exact {
-        let renderings = found.records.len() + found.rendered.len();
+        let renderings = found.records.len() + found.trees.len();
         print::line(&format!(
             "The pictures of all {renderings} renderings are identical, bit by bit."
         ))?;
@@ -124,12 +133,7 @@ fn table(trees: &[String], rows: &[Row]) -> String {
         let mut cells = vec![format!("{indent}{}", row.label)];
         for (i, &value) in row.values.iter().enumerate() {
             let share = row.percent(i).map_or("–".to_owned(), percent);
-            let value = match row.unit {
-                Unit::Seconds => seconds(value),
-                Unit::Count => grouped(value as u64),
-                Unit::Cost => measured(value),
-                Unit::Bytes => bytes(value as u64),
-            };
+            let value = row.unit.text(value);
             cells.push(format!("{value} {share:>9}"));
         }
         cells
@@ -158,25 +162,26 @@ fn write(
             scene::file_name(&tree.to_string())
         ))
     };
-    if let Some((_, picture)) = found.rendered.first() {
+    if let Some(first) = found.trees.first() {
         let path = out.join(format!("{scene}.png"));
-        write_png(&path, picture)?;
+        write_png(&path, &first.rendered)?;
         written.push(("picture", path));
     }
-    for (tree, picture) in &found.rendered {
-        let path = of_tree(tree, ".exr");
-        write_exr(&path, picture)?;
+    for tree in &found.trees {
+        let path = of_tree(&tree.choice, ".exr");
+        write_exr(&path, &tree.rendered)?;
         written.push(("picture and counters", path));
     }
     for quantity in Quantity::ALL {
         let values: Vec<Vec<f32>> = found
-            .rendered
+            .trees
             .iter()
-            .map(|(_, picture)| quantity.per_sample(picture))
+            .map(|tree| quantity.per_sample(&tree.rendered))
             .collect();
         let end = shared_scale(&values);
-        for ((tree, picture), values) in found.rendered.iter().zip(&values) {
-            let path = of_tree(tree, &format!("-{}.png", quantity.file_label()));
+        for (tree, values) in found.trees.iter().zip(&values) {
+            let (tree, picture) = (tree.choice, &tree.rendered);
+            let path = of_tree(&tree, &format!("-{}.png", quantity.file_label()));
             let label = format!("{} per sample, {tree}", quantity.label());
             let size = (picture.width, picture.height);
             write_false_colour(&path, values, size, Some(end), &label)?;

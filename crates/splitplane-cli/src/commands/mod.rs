@@ -3,6 +3,7 @@
 pub mod build;
 pub mod cast;
 pub mod compare;
+pub mod experiment;
 pub mod render;
 pub mod reproduce;
 pub mod scenes;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use splitplane::{TREES, TreeChoice};
-use splitplane_lab::{Preset, build, record, render_with, write_records};
+use splitplane_lab::{Preset, RenderTime, build, record, render_with, write_records};
 use splitplane_render::output::{write_exr, write_png};
 use splitplane_render::scene::Scene;
 
@@ -31,7 +31,7 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
         None => tree_of(&scene, quiet)?,
     };
     bar.spin(format!("{tree}: building the tree"));
-    let built = build(&scene.mesh, tree, &settings)?;
+    let built = build(&scene.mesh, tree, &settings, &bar)?;
     bar.spin(format!("{tree}: rendering"));
     let picture = render_with(&scene, &built, &settings, true, &bar)?;
     progress::clear();
@@ -48,7 +48,11 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
         &settings,
         0,
         &picture,
-        (picture.seconds, true),
+        RenderTime {
+            seconds: picture.seconds,
+            counted: true,
+            others_load: None,
+        },
     );
     if let Some(json) = &command.json {
         write_records(json, std::slice::from_ref(&record))?;

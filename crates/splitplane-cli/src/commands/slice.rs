@@ -16,7 +16,7 @@ pub fn run(command: &SliceCommand) -> Result<(), Failure> {
     bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, quiet)?;
     bar.spin(format!("{}: building the tree", command.tree));
-    let built = build(&scene.mesh, command.tree, &settings)?;
+    let built = build(&scene.mesh, command.tree, &settings, &bar)?;
     let slice = SliceSettings {
         axis: command.axis.into(),
         at: command.at,

@@ -35,7 +35,7 @@ pub fn write_false_colour(
         .filter(|v| v.is_finite())
         .fold(0.0, f32::max);
     let end = scale_max.unwrap_or(largest);
-    let colours = colours();
+    let colours = false_colours();
     let colour = |value: f32| {
         if !value.is_finite() {
             return NO_VALUE;
@@ -100,8 +100,9 @@ pub fn write_false_colour(
     Ok(end)
 }
 
-/// Inferno: even steps look even, and grey copies keep the order.
-fn colours() -> [[u8; 3]; 256] {
+/// The 256 colours of a false-colour picture, in sRGB, from 0 to the end of its scale. Inferno: even
+/// steps look even, and grey copies keep the order.
+pub fn false_colours() -> [[u8; 3]; 256] {
     let gradient = colorgrad::preset::inferno();
     std::array::from_fn(|i| {
         let [r, g, b, _] = gradient.at(i as f32 / 255.0).to_rgba8();

@@ -16,7 +16,7 @@ use image::codecs::png::PngEncoder;
 use image::{ExtendedColorType, ImageEncoder};
 
 pub use exr_file::write_exr;
-pub use false_colour::write_false_colour;
+pub use false_colour::{false_colours, write_false_colour};
 
 use crate::render::Rendered;
 

@@ -87,6 +87,22 @@ impl<T: AddAssign> AddAssign for RayKinds<T> {
     }
 }
 
+/// Triangle tests by the size of the leaf that they were made in: the entry at `n` holds those in
+/// leaves of `n` triangles. A shadow ray that finds a hit leaves the rest of its leaf untested.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct LeafSizes(pub Vec<u64>);
+
+impl AddAssign<&LeafSizes> for LeafSizes {
+    fn add_assign(&mut self, other: &LeafSizes) {
+        if self.0.len() < other.0.len() {
+            self.0.resize(other.0.len(), 0);
+        }
+        for (sum, &tests) in self.0.iter_mut().zip(&other.0) {
+            *sum += tests;
+        }
+    }
+}
+
 /// What the rays of one pixel's samples did; sums, which stop at the largest `u32`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PixelCounts {
@@ -132,7 +148,10 @@ pub struct Rendered {
     pub rays: RayKinds<u64>,
     /// What the rays did; zero unless [`RenderSettings::count`].
     pub counts: RayKinds<Counts>,
-    /// The same per pixel, by the pixel that the camera ray went through. A wide filter also takes
+    /// The triangle tests of [`Rendered::counts`] by the size of the leaf; empty unless
+    /// [`RenderSettings::count`].
+    pub tests_by_leaf_size: RayKinds<LeafSizes>,
+    /// The counts per pixel, by the pixel that the camera ray went through. A wide filter also takes
     /// samples from just outside the picture; they are in the totals only. `None` unless
     /// [`RenderSettings::count`].
     pub pixel_counts: Option<PixelCounters>,

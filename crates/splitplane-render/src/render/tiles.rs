@@ -12,7 +12,7 @@ use super::film::{FilmPlan, FilmTile, Window};
 use super::integrator::{FirstHit, Gathered, Gatherer, World};
 use super::sampler::Sequence;
 use super::sampling::luminance;
-use super::{PixelCounters, PixelCounts, Progress, RayKinds, RenderError, Rendered};
+use super::{LeafSizes, PixelCounters, PixelCounts, Progress, RayKinds, RenderError, Rendered};
 
 /// Edge of a tile, in pixels.
 const TILE: i32 = 16;
@@ -37,6 +37,7 @@ struct Tile {
     film: FilmTile,
     rays: RayKinds<u64>,
     counts: RayKinds<Counts>,
+    tests_by_leaf_size: RayKinds<LeafSizes>,
     first_hits: Vec<FirstHits>,
     closest: Vec<PixelCounts>,
     shadow: Vec<PixelCounts>,
@@ -83,6 +84,9 @@ impl Job<'_> {
                 film.merge(&tile.film);
                 picture.rays += tile.rays;
                 picture.counts += tile.counts;
+                picture.tests_by_leaf_size.camera += &tile.tests_by_leaf_size.camera;
+                picture.tests_by_leaf_size.bounce += &tile.tests_by_leaf_size.bounce;
+                picture.tests_by_leaf_size.shadow += &tile.tests_by_leaf_size.shadow;
                 self.place(&mut picture, tile);
             }
         }
@@ -105,6 +109,7 @@ impl Job<'_> {
             normal: vec![[0.0; 3]; pixels],
             rays: RayKinds::default(),
             counts: RayKinds::default(),
+            tests_by_leaf_size: RayKinds::default(),
             pixel_counts: count.then(|| PixelCounters {
                 closest: none.clone(),
                 shadow: none,
@@ -173,6 +178,7 @@ impl Job<'_> {
             film,
             rays: gatherer.tracer.rays,
             counts: gatherer.tracer.counts,
+            tests_by_leaf_size: gatherer.tracer.tests_by_leaf_size,
             first_hits,
             closest,
             shadow,
