@@ -118,6 +118,7 @@ pub fn record(
     let (integrator, max_depth) = match scene.integrator {
         Integrator::Path { max_depth, .. } => ("path", Some(max_depth)),
         Integrator::Direct { max_depth, .. } => ("directlighting", Some(max_depth)),
+        Integrator::Whitted { max_depth } => ("whitted", Some(max_depth)),
         Integrator::AmbientOcclusion { .. } => ("ambientocclusion", None),
     };
     let counts = |pick: fn(&Counts) -> u64| PerRay {

@@ -227,7 +227,7 @@ fn a_scene_without_triangles_or_lights_is_black_but_for_its_sky() {
         mean(&rendered(&scene(vec![], vec![], 60.0), &settings)),
         0.0
     );
-    let sky = Light::Infinite { radiance: [2.0; 3] };
+    let sky = Light::sky([2.0; 3]);
     assert_eq!(
         mean(&rendered(&scene(vec![], vec![sky], 60.0), &settings)),
         2.0

@@ -6,6 +6,7 @@
 
 mod bsdf;
 mod camera;
+mod environment;
 mod film;
 mod filter;
 mod integrator;
@@ -224,6 +225,7 @@ pub fn render(
         tree,
         sequence: &plan.sequence,
         samples_per_pixel: plan.samples_per_pixel,
+        spacing: 1.0 / (plan.samples_per_pixel as f32).sqrt(),
         progress,
     };
     pool.install(|| {
@@ -266,9 +268,9 @@ impl Plan {
         let mut integrator = scene.integrator;
         if let Some(depth) = settings.max_depth {
             match &mut integrator {
-                Integrator::Path { max_depth, .. } | Integrator::Direct { max_depth, .. } => {
-                    *max_depth = depth;
-                }
+                Integrator::Path { max_depth, .. }
+                | Integrator::Direct { max_depth, .. }
+                | Integrator::Whitted { max_depth } => *max_depth = depth,
                 Integrator::AmbientOcclusion { .. } => {}
             }
         }

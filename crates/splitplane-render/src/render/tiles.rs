@@ -28,6 +28,8 @@ pub(super) struct Job<'j> {
     pub(super) tree: &'j Tree,
     pub(super) sequence: &'j Sequence,
     pub(super) samples_per_pixel: u32,
+    /// Between samples, in pixels.
+    pub(super) spacing: f32,
     pub(super) progress: &'j dyn Progress,
 }
 
@@ -153,8 +155,10 @@ impl Job<'_> {
                     let place = Vec2::new(x as f32, y as f32) + gatherer.sampler.next_2d();
                     // pbrt's time; here nothing moves.
                     let _time = gatherer.sampler.next_1d();
-                    let ray = self.camera.ray(place, gatherer.sampler.next_2d());
-                    let Gathered { radiance, first } = gatherer.gather(&ray);
+                    let beam = self
+                        .camera
+                        .beam(place, gatherer.sampler.next_2d(), self.spacing);
+                    let Gathered { radiance, first } = gatherer.gather(&beam);
                     first.into_iter().for_each(|hit| hits.add(hit));
                     film.add(self.plan, place, sound(radiance));
                 }

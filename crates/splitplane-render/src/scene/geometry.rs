@@ -6,7 +6,8 @@ use std::sync::Arc;
 use splitplane::Mesh;
 
 use super::light::AreaLight;
-use super::{Note, Shape};
+use super::texture::TextureRef;
+use super::{Note, Shape, Surface};
 use crate::transform::Transform;
 
 /// Triangles in the space of a shape, with what belongs to their vertices.
@@ -29,6 +30,76 @@ pub(crate) struct Placed {
     pub(crate) reversed: bool,
     pub(crate) material: u32,
     pub(crate) area_light: Option<AreaLight>,
+    pub(crate) surface: LocalSurface,
+    pub(crate) alpha: Option<TextureRef>,
+    pub(crate) shadow_alpha: Option<TextureRef>,
+}
+
+impl Placed {
+    /// Triangles where they are, of a material and no more.
+    pub(crate) fn plain(geometry: Geometry, material: u32) -> Self {
+        Placed {
+            geometry: Arc::new(geometry),
+            to_world: Transform::IDENTITY,
+            reversed: false,
+            material,
+            area_light: None,
+            surface: LocalSurface::Flat,
+            alpha: None,
+            shadow_alpha: None,
+        }
+    }
+}
+
+/// What triangles stand for, in the space of their shape; see [`Surface`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) enum LocalSurface {
+    Flat,
+    Curved,
+    /// Around the origin.
+    Sphere {
+        radius: f64,
+    },
+    /// Around the z axis.
+    Disk {
+        radius: f64,
+        height: f64,
+    },
+}
+
+impl LocalSurface {
+    fn in_world(self, to_world: &Transform) -> Surface {
+        match self {
+            LocalSurface::Flat => Surface::Flat,
+            LocalSurface::Curved => Surface::Curved,
+            LocalSurface::Sphere { radius } => {
+                let [x, y, z] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+                    .map(|axis| glam::Vec3::from(to_world.vector(axis)));
+                let length = x.length();
+                let near = |a: f32, b: f32| (a - b).abs() <= 1e-4 * length;
+                let round = near(y.length(), length)
+                    && near(z.length(), length)
+                    && [x.dot(y), y.dot(z), z.dot(x)]
+                        .iter()
+                        .all(|dot| dot.abs() <= 1e-4 * length * length);
+                if round {
+                    Surface::Sphere {
+                        center: to_world.point([0.0; 3]),
+                        radius: radius as f32 * length,
+                    }
+                } else {
+                    Surface::Curved
+                }
+            }
+            LocalSurface::Disk { radius, height } => {
+                let radius = radius as f32;
+                Surface::Disk {
+                    center: to_world.point([0.0, 0.0, height as f32]),
+                    axes: [[radius, 0.0, 0.0], [0.0, radius, 0.0]].map(|v| to_world.vector(v)),
+                }
+            }
+        }
+    }
 }
 
 /// The geometry of a scene, in world space; the fields are those of [`super::Scene`].
@@ -119,6 +190,9 @@ pub(crate) fn assemble(pieces: &[Placed]) -> Result<Assembled, String> {
             has_normals: !normals.is_empty(),
             has_uvs: !uvs.is_empty(),
             flip_normals: piece.reversed != piece.to_world.swaps_handedness(),
+            surface: piece.surface.in_world(&piece.to_world),
+            alpha: piece.alpha.clone(),
+            shadow_alpha: piece.shadow_alpha.clone(),
         });
     }
     let mesh = Mesh::new(all.positions, all.triangles).map_err(|error| error.to_string())?;
@@ -164,14 +238,20 @@ impl Notes {
     pub(crate) fn tessellated(
         &mut self,
         kind: &str,
-        place: String,
+        place: impl FnOnce() -> String,
         triangles: usize,
         segments: [u32; 2],
     ) {
         let entry = self.tessellated.entry((kind.to_owned(), segments));
-        let (shapes, sum, _) = entry.or_insert((0, 0, place));
+        let (shapes, sum, _) = entry.or_insert_with(|| (0, 0, place()));
         *shapes += 1;
         *sum += triangles;
+    }
+
+    /// How many curved shapes of a kind there are.
+    pub(crate) fn count_of(&self, kind: &str) -> usize {
+        let of_kind = self.tessellated.iter().filter(|((k, _), _)| k == kind);
+        of_kind.map(|(_, (shapes, ..))| shapes).sum()
     }
 
     pub(crate) fn into_list(mut self) -> Vec<Note> {

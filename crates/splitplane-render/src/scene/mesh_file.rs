@@ -3,7 +3,6 @@
 use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::Path;
-use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -12,7 +11,6 @@ use super::polygon::triangulate;
 use super::view::{self, Up};
 use super::{Note, Scene, ply};
 use crate::error::SceneError;
-use crate::transform::Transform;
 
 /// The endings of the files that can be read, in lower case.
 pub(crate) const ENDINGS: &[&str] = &[".ply", ".ply.gz", ".obj", ".stl"];
@@ -57,13 +55,7 @@ pub(crate) fn load(path: &Path, name: &str) -> Result<Scene, SceneError> {
         text: "a mesh has no camera, light or material; they were chosen to suit it".to_owned(),
         warning: false,
     });
-    let piece = Placed {
-        geometry: Arc::new(geometry),
-        to_world: Transform::IDENTITY,
-        reversed: false,
-        material: 0,
-        area_light: None,
-    };
+    let piece = Placed::plain(geometry, 0);
     let fit = |mesh: &splitplane::Mesh| {
         let bounds = mesh.bounds();
         let up = Up::guessed(usual_up, &bounds);

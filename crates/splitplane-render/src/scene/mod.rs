@@ -7,12 +7,14 @@ pub mod material;
 pub mod settings;
 pub mod texture;
 
+mod curve;
 mod geometry;
 mod image_file;
 mod mesh_file;
 mod pbrt;
 mod ply;
 mod polygon;
+mod pyramid;
 mod subdivide;
 mod tessellate;
 mod view;
@@ -27,6 +29,7 @@ use camera::Camera;
 use light::{AreaLight, Light};
 use material::Material;
 use settings::{Film, Filter, Integrator, Sampler};
+use texture::TextureRef;
 
 use crate::error::SceneError;
 
@@ -85,6 +88,35 @@ pub struct Shape {
     /// handedness; not both). Where there are shading normals, those decide instead, as in pbrt-v3:
     /// geometric normals point to their side (ReverseOrientation is applied to them already).
     pub flip_normals: bool,
+    /// What the triangles stand for.
+    pub surface: Surface,
+    /// Where this texture is 0 there is no surface, for any ray.
+    pub alpha: Option<TextureRef>,
+    /// Where this texture is 0 there is no surface for shadow rays.
+    pub shadow_alpha: Option<TextureRef>,
+}
+
+/// What the triangles of a shape stand for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Surface {
+    /// Themselves.
+    Flat,
+    /// A curved surface: tangents follow it.
+    Curved,
+    /// A sphere; where it shines it is one light, not one a triangle.
+    Sphere {
+        /// In world space.
+        center: [f32; 3],
+        /// In world space.
+        radius: f32,
+    },
+    /// A disk; where it shines it is one light.
+    Disk {
+        /// In world space.
+        center: [f32; 3],
+        /// From the centre to two points of the edge, in world space.
+        axes: [[f32; 3]; 2],
+    },
 }
 
 /// Something that a reader of the scene's picture or figures should know.

@@ -44,6 +44,13 @@ pub enum Filter {
         /// Its parameter C.
         c: f32,
     },
+    /// A sinc, windowed by another.
+    Sinc {
+        /// Half the width.
+        radius: [f32; 2],
+        /// Lobes within half the width.
+        tau: f32,
+    },
 }
 
 /// Where samples come from.
@@ -85,6 +92,12 @@ pub enum Integrator {
         max_depth: u32,
         /// Every light is sampled; otherwise one, at random.
         all_lights: bool,
+    },
+    /// Whitted's: direct light from directions that the lights choose, with perfect reflection and
+    /// transmission followed.
+    Whitted {
+        /// The most specular bounces.
+        max_depth: u32,
     },
     /// Ambient occlusion.
     AmbientOcclusion {

@@ -3,7 +3,7 @@
 use glam::{DMat4, DVec3, Vec3};
 use splitplane::Aabb;
 
-use super::camera::Camera;
+use super::camera::{Camera, Projection};
 use super::geometry::{Placed, assemble};
 use super::light::Light;
 use super::material::{Material, TextureRef};
@@ -61,6 +61,7 @@ pub(crate) fn look(eye: DVec3, target: DVec3, up: DVec3, fov: f32) -> Camera {
     );
     Camera {
         camera_to_world: Transform::from_matrix(matrix).unwrap_or(Transform::IDENTITY),
+        projection: Projection::Perspective,
         fov,
         screen_window: None,
         frame_aspect_ratio: None,
@@ -114,9 +115,7 @@ pub(crate) fn fitted(bounds: &Aabb, points: &[[f32; 3]], towards_eye: DVec3, up:
 /// A clear sky and a sun; `towards_sun` need not have unit length.
 pub(crate) fn daylight(towards_sun: DVec3) -> Vec<Light> {
     vec![
-        Light::Infinite {
-            radiance: [0.55, 0.64, 0.78],
-        },
+        Light::sky([0.55, 0.64, 0.78]),
         Light::Distant {
             towards: towards_sun.normalize_or(DVec3::Y).as_vec3().into(),
             radiance: [2.9, 2.6, 2.2],

@@ -1,7 +1,5 @@
 //! The truck that ships: a real model, mechanical, of many separate parts.
 
-use std::sync::Arc;
-
 use glam::DVec3;
 
 use crate::scene::Scene;
@@ -9,7 +7,6 @@ use crate::scene::geometry::{Geometry, Placed};
 use crate::scene::material::Material;
 use crate::scene::ply;
 use crate::scene::view::{self, Up, color, matte};
-use crate::transform::Transform;
 
 pub(crate) const TRIANGLES: usize = 116_501;
 
@@ -91,13 +88,7 @@ fn pieces(mesh: &ply::PlyMesh) -> Vec<Placed> {
                     })
                 }));
             }
-            Placed {
-                geometry: Arc::new(own),
-                to_world: Transform::IDENTITY,
-                reversed: false,
-                material: u32::from(run[0].0).min(NAMES.len() as u32 - 1),
-                area_light: None,
-            }
+            Placed::plain(own, u32::from(run[0].0).min(NAMES.len() as u32 - 1))
         })
         .collect()
 }

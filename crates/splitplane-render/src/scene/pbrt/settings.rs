@@ -6,7 +6,7 @@ use super::directive::Directive;
 use super::params::Type;
 use super::source::Sources;
 use crate::error::SceneError;
-use crate::scene::camera::Camera;
+use crate::scene::camera::{Camera, Projection};
 use crate::scene::geometry::Notes;
 use crate::scene::settings::{Film, Filter, Integrator, LightStrategy, Sampler, SamplerKind};
 use crate::transform::Transform;
@@ -27,6 +27,7 @@ impl Default for Settings {
         Settings {
             camera: Camera {
                 camera_to_world: Transform::IDENTITY,
+                projection: Projection::Perspective,
                 fov: 90.0,
                 screen_window: None,
                 frame_aspect_ratio: None,
@@ -87,7 +88,13 @@ pub(crate) fn camera(
     world_to_camera: &Transform,
     notes: &mut Notes,
 ) -> Result<Camera, SceneError> {
-    if d.name() != "perspective" {
+    let projection = match d.name() {
+        "perspective" | "realistic" => Projection::Perspective,
+        "orthographic" => Projection::Orthographic,
+        "environment" => Projection::Environment,
+        _ => Projection::Perspective,
+    };
+    if !matches!(d.name(), "perspective" | "orthographic" | "environment") {
         notes.warn(
             &format!("camera {}", d.name()),
             || s.place(d.span),
@@ -128,6 +135,7 @@ pub(crate) fn camera(
     d.params.ignore(&["shutteropen", "shutterclose"]);
     Ok(Camera {
         camera_to_world: world_to_camera.inverse(),
+        projection,
         fov,
         screen_window,
         frame_aspect_ratio,
@@ -206,6 +214,10 @@ pub(crate) fn filter(s: &Sources, d: &Directive, notes: &mut Notes) -> Result<Fi
             radius: radius(2.0)?,
             b: float("B", 1.0 / 3.0)?,
             c: float("C", 1.0 / 3.0)?,
+        },
+        "sinc" => Filter::Sinc {
+            radius: radius(4.0)?,
+            tau: positive(s, d, "tau", 3.0)?,
         },
         other => {
             notes.warn(
@@ -297,6 +309,11 @@ pub(crate) fn integrator(
                     .params
                     .integer_in(s, "nsamples", 1..=1 << 20)?
                     .unwrap_or(64),
+            });
+        }
+        "whitted" => {
+            return Ok(Integrator::Whitted {
+                max_depth: max_depth(d)?,
             });
         }
         "path" => {}

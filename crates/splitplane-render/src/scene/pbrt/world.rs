@@ -22,6 +22,7 @@ use crate::scene::geometry::Notes;
 use crate::scene::image_file::Images;
 use crate::scene::light::{AreaLight, Light};
 use crate::scene::material::Material;
+use crate::scene::texture::{Texture, TextureRef};
 use crate::scene::{LoadOptions, Scene};
 use crate::transform::Transform;
 
@@ -55,6 +56,8 @@ struct Piece {
     reversed: bool,
     material: u32,
     area_light: Option<AreaLight>,
+    alpha: Option<TextureRef>,
+    shadow_alpha: Option<TextureRef>,
     /// A copy of a shape of an object.
     is_instance: bool,
 }
@@ -504,7 +507,8 @@ impl World<'_> {
                 ));
             }
         };
-        let texture = self.with_maker(|maker, _| maker.texture(d, is_float))?;
+        let to_world = self.state.to_world;
+        let texture = self.with_maker(|maker, _| maker.texture(d, is_float, &to_world))?;
         let named = Rc::make_mut(&mut self.state.textures);
         let map = if is_float {
             &mut named.floats
@@ -542,7 +546,27 @@ impl World<'_> {
             Some(params) => self.define(&base.kind, &params, base.span)?.index,
             None => base.index,
         };
-        let shines = self.state.area_light.is_some();
+        // A number of an alpha matters only where it is 0: nothing is there.
+        let mask = |maker: &mut Maker<'_>, name: &str| -> Result<Option<TextureRef>, SceneError> {
+            let mask = maker.float_texture(&d.params, name)?;
+            Ok(mask.filter(|mask| !matches!(**mask, Texture::Constant([v, ..]) if v != 0.0)))
+        };
+        let (alpha, shadow_alpha) =
+            self.with_maker(|maker, _| Ok((mask(maker, "alpha")?, mask(maker, "shadowalpha")?)))?;
+        let mut area_light = self.state.area_light.clone();
+        if let Some(area_light) = &mut area_light {
+            // As pbrt-v3 has it: the light comes into being with its shape.
+            area_light.after = self.lights.len() as u32;
+        }
+        if self.object.is_some() && area_light.take().is_some() {
+            self.warn(
+                "area light of an object",
+                d.span,
+                "shapes of objects do not shine, as in pbrt-v3; rendered without their light"
+                    .to_owned(),
+            );
+        }
+        let shines = area_light.is_some();
         let parser = &self.parser;
         let find = |name: &str, span: Span| parser.find(name, span);
         let levels = self.subdivision_levels;
@@ -556,7 +580,9 @@ impl World<'_> {
             to_world: self.state.to_world,
             reversed: self.state.reversed,
             material,
-            area_light: self.state.area_light.clone(),
+            area_light,
+            alpha,
+            shadow_alpha,
             is_instance: false,
         };
         match &mut self.object {

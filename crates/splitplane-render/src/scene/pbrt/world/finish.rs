@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::World;
 use crate::error::SceneError;
-use crate::scene::geometry::{Geometry, Placed, assemble};
+use crate::scene::geometry::{Geometry, LocalSurface, Placed, assemble};
 use crate::scene::pbrt::shapes::Source;
 use crate::scene::pbrt::source::Span;
 use crate::scene::{Scene, ply};
@@ -64,7 +64,8 @@ impl World<'_> {
         })
     }
 
-    /// The pieces with their triangles, in order; every PLY file is read once, many at a time.
+    /// The pieces with their triangles, in order; every PLY file and every image is read once, many
+    /// at a time.
     fn placed(&mut self) -> Result<Vec<Placed>, SceneError> {
         let mut files: Vec<(&PathBuf, Span)> = Vec::new();
         let mut numbers: HashMap<&PathBuf, usize> = HashMap::new();
@@ -76,8 +77,20 @@ impl World<'_> {
                 });
             }
         }
-        let read: Vec<Result<ply::PlyMesh, SceneError>> =
-            files.par_iter().map(|(path, _)| ply::read(path)).collect();
+        let images = &self.images;
+        // Images and meshes at the same time.
+        let (unread, read): (_, Vec<Result<ply::PlyMesh, SceneError>>) = rayon::join(
+            || images.read(),
+            || files.par_iter().map(|(path, _)| ply::read(path)).collect(),
+        );
+        for (path, reason) in unread {
+            let path = path.display().to_string();
+            self.notes.warn(
+                &format!("image {path}"),
+                || path.clone(),
+                format!("the image cannot be read ({reason}); rendered white, as pbrt-v3 does"),
+            );
+        }
         let mut geometries: Vec<Arc<Geometry>> = Vec::with_capacity(files.len());
         // In the order of the file: which error is told does not depend on the threads.
         for (mesh, (path, span)) in read.into_iter().zip(&files) {
@@ -99,13 +112,19 @@ impl World<'_> {
         }
         let placed = self.pieces.iter().map(|piece| Placed {
             geometry: match &piece.source {
-                Source::Ready(geometry) => Arc::clone(geometry),
+                Source::Ready(geometry, _) => Arc::clone(geometry),
                 Source::Ply { path } => Arc::clone(&geometries[numbers[path]]),
             },
             to_world: piece.to_world,
             reversed: piece.reversed,
             material: piece.material,
             area_light: piece.area_light.clone(),
+            surface: match piece.source {
+                Source::Ready(_, surface) => surface,
+                Source::Ply { .. } => LocalSurface::Flat,
+            },
+            alpha: piece.alpha.clone(),
+            shadow_alpha: piece.shadow_alpha.clone(),
         });
         Ok(placed.collect())
     }
