@@ -33,6 +33,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Render(RenderCommand),
+    Check(CheckCommand),
     Build(BuildCommand),
     Compare(CompareCommand),
     Reproduce(ReproduceCommand),
@@ -66,6 +67,19 @@ pub struct RenderCommand {
     pub out: OutArgs,
     #[command(flatten)]
     pub general: GeneralArgs,
+}
+
+/// Read a scene and say what is in it and what of it will be approximated, without rendering.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  splitplane check room.pbrt
+  splitplane check room.glb --json")]
+pub struct CheckCommand {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Print JSON instead of text
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Build a tree over a scene's triangles and print its card: nodes, leaves, expected cost.

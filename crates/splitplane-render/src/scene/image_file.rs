@@ -1,6 +1,6 @@
 //! Images as textures: each file is read once, many at a time.
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -60,9 +60,13 @@ impl Images {
         self.embedded.insert(name.to_owned(), bytes);
     }
 
-    /// How many images there are.
-    pub(crate) fn count(&self) -> usize {
-        self.wanted.len()
+    /// The files, each once, in the order of their first use.
+    pub(crate) fn paths(&self) -> impl Iterator<Item = &Path> {
+        let mut seen = HashSet::new();
+        self.wanted
+            .iter()
+            .map(|(path, ..)| path.as_path())
+            .filter(move |path| seen.insert(*path))
     }
 
     /// Reads all images, many at a time. Those that cannot be read stay white; gives them with
@@ -92,16 +96,6 @@ impl Images {
             })
             .collect()
     }
-}
-
-/// Width and height of the image at `path`, without its pixels.
-pub(crate) fn size(path: &Path) -> Option<(u32, u32)> {
-    image::ImageReader::open(path)
-        .ok()?
-        .with_guessed_format()
-        .ok()?
-        .into_dimensions()
-        .ok()
 }
 
 fn decode(path: &Path, bytes: &[u8], decoding: Decoding) -> Result<Pyramid, String> {

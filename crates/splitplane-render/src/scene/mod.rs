@@ -66,6 +66,8 @@ pub struct Scene {
     /// The tree that the file asks for, as it is named there, with its directions: "kd",
     /// "wn+kd:6".
     pub accelerator: Option<String>,
+    /// What the file holds.
+    pub contents: Contents,
     /// What was approximated or could not be used, each once per kind, with its place; and what
     /// was tessellated and how finely.
     pub notes: Vec<Note>,
@@ -117,6 +119,29 @@ pub enum Surface {
         /// From the centre to two points of the edge, in world space.
         axes: [[f32; 3]; 2],
     },
+}
+
+/// What a scene's file holds, for people.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Contents {
+    /// What the file is, e.g. `pbrt-v3`.
+    pub format: String,
+    /// How many there are of each kind of thing, e.g. `shape` and `sphere`.
+    pub kinds: BTreeMap<(&'static str, String), u64>,
+    /// Triangles of all shapes, those of an object once.
+    pub unique_triangles: u64,
+    /// Copies of objects in the scene.
+    pub instances: u64,
+    /// Triangles of those copies.
+    pub instanced_triangles: u64,
+    /// Images that are there, in the order of their first use.
+    pub images: Vec<PathBuf>,
+}
+
+impl Contents {
+    pub(crate) fn count(&mut self, what: &'static str, kind: &str) {
+        *self.kinds.entry((what, kind.to_owned())).or_default() += 1;
+    }
 }
 
 /// Something that a reader of the scene's picture or figures should know.

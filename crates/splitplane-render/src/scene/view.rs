@@ -9,7 +9,7 @@ use super::light::Light;
 use super::material::{Material, TextureRef};
 use super::settings::{Film, Filter, Integrator, LightStrategy, Sampler, SamplerKind};
 use super::texture::Texture;
-use super::{Note, Scene};
+use super::{Contents, Note, Scene};
 use crate::transform::Transform;
 
 /// Which way is up.
@@ -149,6 +149,10 @@ pub(crate) fn scene(
 ) -> Result<Scene, String> {
     let assembled = assemble(pieces)?;
     let (camera, lights) = view(&assembled.mesh);
+    let contents = Contents {
+        unique_triangles: assembled.mesh.triangles().len() as u64,
+        ..Contents::default()
+    };
     Ok(Scene {
         name: name.to_owned(),
         mesh: assembled.mesh,
@@ -178,6 +182,7 @@ pub(crate) fn scene(
             light_strategy: LightStrategy::Spatial,
         },
         accelerator: None,
+        contents,
         notes,
     })
 }

@@ -12,7 +12,7 @@ use splitplane_render::scene::settings::{
     Film, Filter, Integrator, LightStrategy, Sampler, SamplerKind,
 };
 use splitplane_render::scene::texture::Texture;
-use splitplane_render::scene::{Scene, Shape, Surface};
+use splitplane_render::scene::{Contents, Scene, Shape, Surface};
 use splitplane_render::transform::Transform;
 
 pub(crate) fn grey(value: f32) -> TextureRef {
@@ -141,6 +141,7 @@ pub(crate) fn scene(parts: Vec<Part>, lights: Vec<Light>, fov: f32) -> Scene {
         },
         integrator: path(5),
         accelerator: None,
+        contents: Contents::default(),
         notes: vec![],
     }
 }

@@ -11,7 +11,7 @@ use glam::{DMat4, DVec3};
 use super::directive::{Directive, Parser, Word};
 use super::lexer::shortened;
 use super::materials::{self, Definition, NamedMaterials};
-use super::params::Params;
+use super::params::{Params, Values};
 use super::settings::{self, Settings};
 use super::shapes::{self, Source};
 use super::source::Span;
@@ -23,7 +23,7 @@ use crate::scene::image_file::Images;
 use crate::scene::light::{AreaLight, Light};
 use crate::scene::material::Material;
 use crate::scene::texture::{Texture, TextureRef};
-use crate::scene::{LoadOptions, Scene};
+use crate::scene::{Contents, LoadOptions, Scene};
 use crate::transform::Transform;
 
 /// What directives change and blocks bring back.
@@ -66,6 +66,7 @@ struct World<'a> {
     parser: Parser<'a>,
     notes: Notes,
     images: Images,
+    contents: Contents,
     settings: Settings,
     state: State,
     blocks: Vec<Block>,
@@ -102,6 +103,10 @@ pub(crate) fn load(path: &Path, name: &str, options: &LoadOptions) -> Result<Sce
         parser: Parser::new(path, &options.defines, &options.search)?,
         notes: Notes::default(),
         images: Images::default(),
+        contents: Contents {
+            format: "pbrt-v3".to_owned(),
+            ..Contents::default()
+        },
         settings: Settings::default(),
         state: State {
             to_world: Transform::IDENTITY,
@@ -169,6 +174,7 @@ impl World<'_> {
 
     fn take(&mut self, d: Directive) -> Result<(), SceneError> {
         self.check_section(&d)?;
+        self.count(&d);
         let s = &self.parser.sources;
         match d.word {
             Word::Accelerator => {
@@ -312,6 +318,34 @@ impl World<'_> {
         }
         self.report_unused(&d);
         Ok(())
+    }
+
+    /// Notes what kind of thing the directive asks for.
+    fn count(&mut self, d: &Directive) {
+        let (what, kind) = match d.word {
+            Word::Camera => ("camera", d.name()),
+            Word::Integrator => ("integrator", d.name()),
+            Word::Sampler => ("sampler", d.name()),
+            Word::PixelFilter => ("filter", d.name()),
+            Word::Shape => ("shape", d.name()),
+            Word::LightSource => ("light", d.name()),
+            Word::AreaLightSource => ("area light", d.name()),
+            Word::Material => ("material", d.name()),
+            Word::Texture => ("texture", d.names[2].as_str()),
+            Word::MakeNamedMaterial => {
+                let kind = d.params.list.iter().find(|param| param.name == "type");
+                match kind.map(|param| &param.values) {
+                    Some(Values::Texts(texts)) if texts.len() == 1 => {
+                        ("material", texts[0].as_str())
+                    }
+                    _ => return,
+                }
+            }
+            Word::ObjectBegin => ("object", "definition"),
+            Word::ObjectInstance => ("object", "instance"),
+            _ => return,
+        };
+        self.contents.count(what, kind);
     }
 
     /// Settings stand before WorldBegin, the world's content after it.

@@ -1,7 +1,7 @@
 //! From what the directives gave to the scene.
 
-use std::collections::HashMap;
-use std::path::PathBuf;
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -29,19 +29,23 @@ impl World<'_> {
             return Err(self.error(world, "this WorldBegin has no WorldEnd"));
         }
         let placed = self.placed()?;
+        let triangles_of = |copies: bool| -> u64 {
+            let pieces = self.pieces.iter().zip(&placed);
+            pieces
+                .filter(|(piece, _)| piece.is_instance == copies)
+                .map(|(_, placed)| placed.geometry.triangles.len() as u64)
+                .sum()
+        };
+        self.contents.instanced_triangles = triangles_of(true);
+        self.contents.unique_triangles = triangles_of(false) + self.triangles_of_objects(&placed);
         if let Some((count, span)) = self.instances {
-            let triangles: usize = self
-                .pieces
-                .iter()
-                .zip(&placed)
-                .filter(|(piece, _)| piece.is_instance)
-                .map(|(_, placed)| placed.geometry.triangles.len())
-                .sum();
+            self.contents.instances = count as u64;
             self.notes.tell(
                 self.parser.sources.place(span),
                 format!(
-                    "{count} object instances copied into the mesh: {triangles} triangles \
-                     (the first is here)"
+                    "{count} object instances copied into the mesh: {} triangles \
+                     (the first is here)",
+                    self.contents.instanced_triangles
                 ),
             );
         }
@@ -60,8 +64,27 @@ impl World<'_> {
             sampler: self.settings.sampler,
             integrator: self.settings.integrator,
             accelerator: self.settings.accelerator,
+            contents: self.contents,
             notes: self.notes.into_list(),
         })
+    }
+
+    /// Triangles of objects that have instances, each object once.
+    fn triangles_of_objects(&self, placed: &[Placed]) -> u64 {
+        let mut seen = HashSet::new();
+        self.pieces
+            .iter()
+            .zip(placed)
+            .filter(|(piece, placed)| {
+                piece.is_instance
+                    && seen.insert((
+                        piece.span.file,
+                        piece.span.offset,
+                        Arc::as_ptr(&placed.geometry),
+                    ))
+            })
+            .map(|(_, placed)| placed.geometry.triangles.len() as u64)
+            .sum()
     }
 
     /// The pieces with their triangles, in order; every PLY file and every image is read once, many
@@ -83,6 +106,12 @@ impl World<'_> {
             || images.read(),
             || files.par_iter().map(|(path, _)| ply::read(path)).collect(),
         );
+        let missing: HashSet<&Path> = unread.iter().map(|(path, _)| *path).collect();
+        self.contents.images = images
+            .paths()
+            .filter(|path| !missing.contains(path))
+            .map(Path::to_owned)
+            .collect();
         for (path, reason) in unread {
             let path = path.display().to_string();
             self.notes.warn(
