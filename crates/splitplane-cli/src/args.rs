@@ -48,7 +48,11 @@ pub enum Command {
 #[command(after_help = "Examples:
   splitplane render truck
   splitplane render killeroo-legs --tree wn+kd:6 --spp 64 --out pictures
-  splitplane render room.pbrt --crop 0.4,0.6,0.4,0.6 --max-depth 3")]
+  splitplane render room.pbrt --crop 0.4,0.6,0.4,0.6 --max-depth 3
+  splitplane render room.pbrt --time 10m
+
+While it renders, the picture so far is written every few seconds, with a file from which --resume
+goes on.")]
 pub struct RenderCommand {
     #[command(flatten)]
     pub scene: SceneArgs,
@@ -60,6 +64,13 @@ pub struct RenderCommand {
     pub build: BuildArgs,
     #[command(flatten)]
     pub picture: PictureArgs,
+    /// Go on taking samples until so much time is over, e.g. 60s, 5m or 1h
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    pub time: Option<f64>,
+    /// Go on with the unfinished picture that an interrupted run of the same left in the folder
+    /// for output
+    #[arg(long)]
+    pub resume: bool,
     /// Write the record of the run to this file [default: none]
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
@@ -435,6 +446,23 @@ pub struct GeneralArgs {
     pub quiet: bool,
 }
 
+/// A time with its unit, in seconds.
+fn duration(text: &str) -> Result<f64, String> {
+    let number = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match &text[number.len()..] {
+        "s" | "" => 1.0,
+        "m" | "min" => 60.0,
+        "h" => 3600.0,
+        _ => f64::NAN,
+    };
+    let seconds = number.parse::<f64>().map_or(f64::NAN, |n| n * unit);
+    if seconds > 0.0 && seconds.is_finite() {
+        Ok(seconds)
+    } else {
+        Err("takes a time above 0 such as 60s, 5m or 1h".to_owned())
+    }
+}
+
 /// The size of a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Resolution {
@@ -556,6 +584,16 @@ mod tests {
     fn the_command_line_is_consistent() {
         use clap::CommandFactory;
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn times_have_units() {
+        assert_eq!(duration("90"), Ok(90.0));
+        assert_eq!(duration("1.5m"), Ok(90.0));
+        assert_eq!(duration("2h"), Ok(7200.0));
+        for wrong in ["", "s", "5 d", "-3s", "0", "infs"] {
+            assert!(duration(wrong).is_err(), "{wrong}");
+        }
     }
 
     #[test]

@@ -294,6 +294,7 @@ impl CardRecord {
             tests_by_leaf_size,
             sah_cost,
             bytes,
+            wide: _,
             build,
         } = built.card.clone();
         CardRecord {

@@ -212,7 +212,8 @@ fn what_is_not_supported_warns_once_with_its_place() {
         "Camera \"telescope\"",
         "Shape \"blob\"\nShape \"blob\"\nShape \"plymesh\" \"string filename\" \"gone.ply\"\n\
          Texture \"t\" \"color\" \"imagemap\" \"string filename\" \"gone.png\"\n\
-         Material \"matte\" \"rgb Kdd\" [1 1 1]\nMaterial \"hair\"\nMakeNamedMedium \"fog\"\n",
+         Material \"matte\" \"rgb Kdd\" [1 1 1]\nMaterial \"hair\"\nMakeNamedMedium \"fog\"\n\
+         Include \"gone.pbrt\"\nInclude \"gone.pbrt\"\n",
     );
     let notes: Vec<String> = scene
         .notes
@@ -231,6 +232,7 @@ fn what_is_not_supported_warns_once_with_its_place() {
         (":7:18", "does not use \"rgb Kdd\""),
         (":8:1", "the material \"hair\""),
         (":9:1", "participating media"),
+        (":10:9", "there is no file \"gone.pbrt\""),
     ];
     assert_eq!(notes.len(), expected.len(), "{notes:#?}");
     for (note, (place, text)) in notes.iter().zip(expected) {

@@ -87,6 +87,8 @@ pub(super) struct Interaction {
     /// Towards where the ray came from; as long as the ray's direction.
     pub(super) wo: Vec3,
     pub(super) uv: Vec2,
+    /// The vertices' colours, between them.
+    pub(super) color: Vec3,
     pub(super) footprint: Footprint,
     /// Along growing u and v.
     pub(super) dpdu: Vec3,
@@ -161,6 +163,11 @@ impl Interaction {
             },
             wo: -Vec3::from(ray.direction),
             uv: weights[0] * uvs[0] + weights[1] * uvs[1] + weights[2] * uvs[2],
+            color: if scene.colors.is_empty() {
+                Vec3::ONE
+            } else {
+                mix(weights, indices.map(|i| Vec3::from(scene.colors[i])))
+            },
             footprint: Footprint::default(),
             dpdu,
             dpdv,
@@ -177,6 +184,7 @@ impl Interaction {
         Spot {
             p: self.place.p,
             uv: self.uv,
+            color: self.color,
             footprint: self.footprint,
         }
     }

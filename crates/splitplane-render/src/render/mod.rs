@@ -6,6 +6,7 @@
 
 mod bsdf;
 mod camera;
+mod checkpoint;
 mod environment;
 mod film;
 mod filter;
@@ -26,6 +27,7 @@ use splitplane::{Counts, Tree};
 use crate::scene::Scene;
 use crate::scene::settings::Integrator;
 use camera::CameraRays;
+pub use checkpoint::{Checkpoint, Partial};
 use film::FilmPlan;
 use integrator::World;
 use light::Lights;
@@ -36,8 +38,8 @@ use sampler::Sequence;
 pub struct RenderSettings {
     /// Threads; 0: one per core. The result is the same for any number.
     pub threads: usize,
-    /// 0: for the Halton sampler, the very sequence of pbrt-v3. Any other seed gives another
-    /// sequence of the same quality.
+    /// 0: the very sequences of pbrt-v3. Any other seed gives another sequence of the same quality,
+    /// with which a crop shows the same as the whole picture.
     pub seed: u64,
     /// Samples per pixel in place of the scene's; at least 1.
     pub samples_per_pixel: Option<u32>,
@@ -48,6 +50,9 @@ pub struct RenderSettings {
     pub crop: Option<[f32; 4]>,
     /// The most bounces, in place of the scene's; ambient occlusion has none.
     pub max_depth: Option<u32>,
+    /// Takes further samples until so many seconds are over; the first ones are taken in any case.
+    /// Where this is set, how many samples a picture has depends on the machine.
+    pub time: Option<f64>,
     /// Count triangle tests and node visits, in all and per pixel. Without, the queries run
     /// without counters, as a rendering for its time should.
     pub count: bool,
@@ -63,6 +68,7 @@ impl Default for RenderSettings {
             resolution: None,
             crop: None,
             max_depth: None,
+            time: None,
             count: true,
         }
     }
@@ -146,6 +152,12 @@ pub trait Progress: Sync {
     /// `done` of `total` camera rays have been traced to their end. Called now and then, from any
     /// thread.
     fn advanced(&self, _done: u64, _total: u64) {}
+    /// Asked now and then: whether [`Progress::partial`] should be called with what is done.
+    fn wants_partial(&self) -> bool {
+        false
+    }
+    /// The picture so far.
+    fn partial(&self, _partial: &Partial) {}
     /// Asked often; once it says yes, the rendering ends with [`RenderError::Cancelled`].
     fn cancelled(&self) -> bool {
         false
@@ -190,6 +202,12 @@ pub enum RenderError {
         /// Why not.
         reason: String,
     },
+    /// A checkpoint of another scene, tree or settings.
+    #[error(
+        "the unfinished picture is of another scene, tree or settings; go on with the same, or \
+         begin anew"
+    )]
+    OtherCheckpoint,
     /// [`Progress::cancelled`] said so.
     #[error("the rendering was cancelled")]
     Cancelled,
@@ -207,6 +225,21 @@ pub fn render(
     settings: &RenderSettings,
     progress: &dyn Progress,
 ) -> Result<Rendered, RenderError> {
+    render_from(scene, tree, settings, None, progress)
+}
+
+/// As [`render()`], going on from where another rendering of the same was interrupted: the result
+/// is that of one that was not.
+///
+/// # Errors
+/// As [`render()`]; or the checkpoint is of another rendering.
+pub fn render_from(
+    scene: &Scene,
+    tree: &Tree,
+    settings: &RenderSettings,
+    from: Option<Checkpoint>,
+    progress: &dyn Progress,
+) -> Result<Rendered, RenderError> {
     check(scene, tree)?;
     let plan = Plan::new(scene, settings)?;
     let pool = rayon::ThreadPoolBuilder::new()
@@ -216,6 +249,15 @@ pub fn render(
             threads: settings.threads,
             reason: error.to_string(),
         })?;
+    let fingerprint = fingerprint_of(scene, tree, settings);
+    let pixels = plan.film.crop.pixels();
+    let state = match from {
+        Some(from) if from.fingerprint != fingerprint || from.first_hits.len() != pixels => {
+            return Err(RenderError::OtherCheckpoint);
+        }
+        Some(from) => from,
+        None => Checkpoint::new(fingerprint, plan.samples_per_pixel, pixels, settings.count),
+    };
     let lights = Lights::new(scene);
     let world = World::new(scene, &lights, plan.integrator);
     let job = tiles::Job {
@@ -224,17 +266,40 @@ pub fn render(
         world: &world,
         tree,
         sequence: &plan.sequence,
-        samples_per_pixel: plan.samples_per_pixel,
         spacing: 1.0 / (plan.samples_per_pixel as f32).sqrt(),
         progress,
     };
     pool.install(|| {
         if settings.count {
-            job.run::<true>()
+            job.run::<true>(state, settings.time)
         } else {
-            job.run::<false>()
+            job.run::<false>(state, settings.time)
         }
     })
+}
+
+/// What a picture and its counters depend on, apart from the time that they may take.
+fn fingerprint_of(scene: &Scene, tree: &Tree, settings: &RenderSettings) -> u64 {
+    let settings = RenderSettings {
+        threads: 0,
+        time: None,
+        ..settings.clone()
+    };
+    let mesh = &scene.mesh;
+    checkpoint::fingerprint(&format!(
+        "{:?}",
+        (
+            settings,
+            (mesh.triangles().len(), mesh.bounds(), &scene.name),
+            (
+                &scene.film,
+                &scene.filter,
+                &scene.sampler,
+                &scene.integrator
+            ),
+            (&scene.camera, tree.choice(), tree.params()),
+        )
+    ))
 }
 
 /// A scene's settings with those of the caller in their place.
@@ -276,10 +341,14 @@ impl Plan {
         }
         let plan = FilmPlan::new(&film, &scene.filter)?;
         let sampled = plan.samples();
-        let extent = [sampled.width() as i32, sampled.height() as i32];
         Ok(Plan {
             camera: CameraRays::new(&scene.camera, film.width, film.height),
-            sequence: Sequence::new(scene.sampler.kind, extent, settings.seed),
+            sequence: Sequence::new(
+                scene.sampler.kind,
+                &sampled,
+                samples_per_pixel,
+                settings.seed,
+            ),
             samples_per_pixel,
             integrator,
             film: plan,
@@ -299,6 +368,12 @@ fn check(scene: &Scene, tree: &Tree) -> Result<(), RenderError> {
     }
     let wrong = |what: String| Err(RenderError::Inconsistent(what));
     let vertices = scene.mesh.positions().len();
+    if !scene.colors.is_empty() && scene.colors.len() != vertices {
+        return wrong(format!(
+            "there are colours for {} of {vertices} vertices",
+            scene.colors.len()
+        ));
+    }
     let mut next = 0;
     for (number, shape) in scene.shapes.iter().enumerate() {
         if shape.triangles.start != next || shape.triangles.end < next {

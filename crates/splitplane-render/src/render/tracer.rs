@@ -57,33 +57,14 @@ fn closest(tree: &Tree, world: &World<'_>, ray: &Ray, counters: &mut impl Counte
     if !world.has_alpha {
         return tree.closest_hit(ray, counters);
     }
-    first_that(tree, ray, counters, |hit| is_there(world, hit, false))
+    tree.closest_hit_where(ray, |hit| is_there(world, hit, false), counters)
 }
 
 fn blocked(tree: &Tree, world: &World<'_>, ray: &Ray, counters: &mut impl Counters) -> bool {
     if !world.has_alpha {
         return tree.any_hit(ray, counters);
     }
-    first_that(tree, ray, counters, |hit| is_there(world, hit, true)).is_some()
-}
-
-/// The closest hit that counts: beyond one that does not, the search begins anew.
-///
-/// Of hits at the same t only the one of lowest index is asked.
-fn first_that(
-    tree: &Tree,
-    ray: &Ray,
-    counters: &mut impl Counters,
-    counts: impl Fn(&Hit) -> bool,
-) -> Option<Hit> {
-    let mut rest = *ray;
-    loop {
-        let hit = tree.closest_hit(&rest, counters)?;
-        if counts(&hit) {
-            return Some(hit);
-        }
-        rest.t_min = hit.t;
-    }
+    tree.any_hit_where(ray, |hit| is_there(world, hit, true), counters)
 }
 
 /// Whether the surface is there where a ray hits it, by its alpha textures.

@@ -9,6 +9,7 @@ pub mod texture;
 
 mod curve;
 mod geometry;
+mod gltf_file;
 mod image_file;
 mod mesh_file;
 mod pbrt;
@@ -47,6 +48,9 @@ pub struct Scene {
     /// Texture coordinates, one per vertex of the mesh; only those of a shape with
     /// [`Shape::has_uvs`] mean anything. Empty where no shape has any.
     pub uvs: Vec<[f32; 2]>,
+    /// Colours, one per vertex of the mesh, linear RGB, for [`texture::Texture::VertexColor`].
+    /// Empty where there are none.
+    pub colors: Vec<[f32; 3]>,
     /// What the triangles belong to: consecutive ranges that cover the mesh, in order.
     pub shapes: Vec<Shape>,
     /// The materials that shapes name.
@@ -167,8 +171,8 @@ pub struct LoadOptions {
     pub subdivision_levels: Option<u32>,
 }
 
-/// Reads a scene: a file of pbrt-v3 (`.pbrt`), a mesh (`.ply`, `.ply.gz`, `.obj`, `.stl`), or a
-/// scene by its name; see [`library`].
+/// Reads a scene: a file of pbrt-v3 or pbrt-v4 (`.pbrt`, `.pbrt.gz`), of glTF 2.0 (`.gltf`, `.glb`),
+/// a mesh (`.ply`, `.ply.gz`, `.obj`, `.stl`), or a scene by its name; see [`library`].
 ///
 /// # Errors
 /// There is no such scene, or its files are wrong; the error tells where, and what would be
@@ -177,6 +181,9 @@ pub fn load(name_or_path: &str, options: &LoadOptions) -> Result<Scene, SceneErr
     let search = library::search_path(&options.search);
     match library::resolve(name_or_path, &search)? {
         library::Resolved::BuiltIn { name, size } => library::build(name, size),
+        library::Resolved::File { path, name } if gltf_file::is_gltf(&path) => {
+            gltf_file::load(&path, &name)
+        }
         library::Resolved::File { path, name } if mesh_file::is_mesh(&path) => {
             mesh_file::load(&path, &name)
         }

@@ -70,6 +70,22 @@ pub enum SamplerKind {
         /// The samples of every pixel lie at its centre.
         sample_at_center: bool,
     },
+    /// Sobol's sequence, spread over the picture.
+    Sobol,
+    /// A sample in each cell of a grid over the pixel, and of further dimensions.
+    Stratified {
+        /// Cells in x; as many samples as cells make the rows.
+        columns: u32,
+        /// At random in the cell; otherwise in its middle.
+        jitter: bool,
+        /// How many dimensions, of single numbers and of pairs, are stratified.
+        dimensions: u32,
+    },
+    /// A (0, 2)-sequence in each pixel.
+    ZeroTwo {
+        /// As for [`SamplerKind::Stratified`].
+        dimensions: u32,
+    },
     /// Independent random numbers.
     Random,
 }

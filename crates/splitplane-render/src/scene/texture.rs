@@ -48,6 +48,15 @@ pub enum Texture {
         /// From the surface to the coordinates.
         mapping: Mapping,
     },
+    /// 1 where a texture's red channel is at least so large, else 0.
+    AtLeast {
+        /// The texture.
+        texture: TextureRef,
+        /// From where on it is 1.
+        threshold: f32,
+    },
+    /// The colours of the shape's vertices, interpolated ([`super::Scene::colors`]).
+    VertexColor,
     /// Two textures in turn, in squares of edge 1.
     Checkerboard {
         /// In the square at (0, 0), and in every second one.

@@ -158,6 +158,7 @@ pub(crate) fn scene(
         mesh: assembled.mesh,
         normals: assembled.normals,
         uvs: assembled.uvs,
+        colors: vec![],
         shapes: assembled.shapes,
         materials,
         lights,

@@ -113,6 +113,7 @@ pub(crate) fn scene(parts: Vec<Part>, lights: Vec<Light>, fov: f32) -> Scene {
         mesh: Mesh::new(positions, triangles).unwrap(),
         normals: vec![],
         uvs: vec![],
+        colors: vec![],
         shapes,
         materials,
         lights,

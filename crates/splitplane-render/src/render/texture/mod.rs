@@ -16,6 +16,8 @@ pub(super) struct Spot {
     /// In world space.
     pub(super) p: Vec3,
     pub(super) uv: Vec2,
+    /// The vertices', between them; white where they have none.
+    pub(super) color: Vec3,
     pub(super) footprint: Footprint,
 }
 
@@ -35,6 +37,7 @@ impl Spot {
         Spot {
             p,
             uv,
+            color: Vec3::ONE,
             footprint: Footprint::default(),
         }
     }
@@ -49,6 +52,11 @@ pub(super) fn evaluate(texture: &Texture, at: &Spot) -> Vec3 {
             let amount = evaluate(amount, at);
             (Vec3::ONE - amount) * evaluate(from, at) + amount * evaluate(to, at)
         }
+        Texture::AtLeast { texture, threshold } => {
+            let reached = evaluate(texture, at).x >= *threshold;
+            Vec3::splat(if reached { 1.0 } else { 0.0 })
+        }
+        Texture::VertexColor => at.color,
         Texture::Image {
             image,
             mapping,

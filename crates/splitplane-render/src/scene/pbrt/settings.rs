@@ -248,9 +248,41 @@ pub(crate) fn sampler(
     let halton = SamplerKind::Halton {
         sample_at_center: d.params.bool(s, "samplepixelcenter")?.unwrap_or(false),
     };
+    let dimensions = || -> Result<u32, SceneError> {
+        Ok(d.params.integer_in(s, "dimensions", 0..=64)?.unwrap_or(4))
+    };
     let (kind, samples_per_pixel) = match d.name() {
         "halton" => (halton, count("pixelsamples", 16)?),
         "random" => (SamplerKind::Random, count("pixelsamples", 4)?),
+        "sobol" => (SamplerKind::Sobol, count("pixelsamples", 16)?),
+        "stratified" => {
+            let columns = count("xsamples", 4)?;
+            let stratified = SamplerKind::Stratified {
+                columns,
+                jitter: d.params.bool(s, "jitter")?.unwrap_or(true),
+                dimensions: dimensions()?,
+            };
+            let samples = columns.saturating_mul(count("ysamples", 4)?).min(MOST);
+            (stratified, samples)
+        }
+        "02sequence" | "lowdiscrepancy" => (
+            SamplerKind::ZeroTwo {
+                dimensions: dimensions()?,
+            },
+            count("pixelsamples", 16)?,
+        ),
+        "maxmindist" => {
+            notes.warn(
+                "sampler maxmindist",
+                || s.place(d.span),
+                "the sampler \"maxmindist\" is not supported; rendered with \"02sequence\""
+                    .to_owned(),
+            );
+            let kind = SamplerKind::ZeroTwo {
+                dimensions: dimensions()?,
+            };
+            (kind, count("pixelsamples", 16)?)
+        }
         other => {
             notes.warn(
                 &format!("sampler {other}"),
@@ -258,14 +290,7 @@ pub(crate) fn sampler(
                 format!("the sampler \"{other}\" is not supported; rendered with \"halton\""),
             );
             d.params.ignore_all();
-            let samples = if other == "stratified" {
-                count("xsamples", 4)?
-                    .saturating_mul(count("ysamples", 4)?)
-                    .min(MOST)
-            } else {
-                count("pixelsamples", 16)?
-            };
-            (halton, samples)
+            (halton, count("pixelsamples", 16)?)
         }
     };
     Ok(Sampler {

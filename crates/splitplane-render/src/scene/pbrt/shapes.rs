@@ -43,6 +43,11 @@ pub(crate) fn shape(
     let kind = d.name();
     let geometry = match kind {
         "trianglemesh" => triangle_mesh(s, d)?,
+        "bilinearmesh" => {
+            let mut mesh = triangle_mesh(s, d)?;
+            mesh.triangles = quads(s, d, mesh.positions.len())?;
+            mesh
+        }
         "loopsubdiv" => {
             d.params.ignore(&["scheme"]);
             let (positions, triangles) = positions_and_triangles(s, d)?;
@@ -142,6 +147,11 @@ fn positions_and_triangles(s: &Sources, d: &Directive) -> Result<Indexed, SceneE
             format!("a \"{kind}\" takes \"point P\", its vertices"),
         ));
     };
+    if kind == "bilinearmesh"
+        || kind == "trianglemesh" && positions.len() == 3 && !d.params.has("indices")
+    {
+        return Ok((positions, vec![[0, 1, 2]]));
+    }
     let Some((indices, span)) = d.params.integers(s, "indices")? else {
         return Err(s.error(
             d.span,
@@ -182,6 +192,39 @@ fn positions_and_triangles(s: &Sources, d: &Directive) -> Result<Indexed, SceneE
             .map(|t| [t[0], t[1], t[2]])
             .collect(),
     ))
+}
+
+/// The patches of a "bilinearmesh", each as two triangles: corners are in the order of (0, 0),
+/// (1, 0), (0, 1), (1, 1).
+fn quads(s: &Sources, d: &Directive, vertices: usize) -> Result<Vec<[u32; 3]>, SceneError> {
+    let (indices, span) = match d.params.integers(s, "indices")? {
+        Some((indices, span)) => (indices.to_vec(), span),
+        None if vertices == 4 => (vec![0, 1, 2, 3], d.span),
+        None => {
+            return Err(s.error(
+                d.span,
+                "a \"bilinearmesh\" takes \"integer indices\", four a patch",
+            ));
+        }
+    };
+    let index = |i: i64| u32::try_from(i).ok().filter(|&i| (i as usize) < vertices);
+    let patches: Option<Vec<[u32; 4]>> = indices
+        .chunks(4)
+        .map(|q| match *q {
+            [a, b, c, d] => Some([index(a)?, index(b)?, index(c)?, index(d)?]),
+            _ => None,
+        })
+        .collect();
+    let Some(patches) = patches else {
+        return Err(s.error(
+            span,
+            format!("\"indices\" takes four of the {vertices} vertices a patch"),
+        ));
+    };
+    Ok(patches
+        .iter()
+        .flat_map(|&[a, b, c, d]| [[a, b, d], [a, d, c]])
+        .collect())
 }
 
 fn triangle_mesh(s: &Sources, d: &Directive) -> Result<Geometry, SceneError> {

@@ -11,7 +11,7 @@ use glam::{DMat4, DVec3};
 use super::directive::{Directive, Parser, Word};
 use super::lexer::shortened;
 use super::materials::{self, Definition, NamedMaterials};
-use super::params::{Params, Values};
+use super::params::{Param, Params, Values};
 use super::settings::{self, Settings};
 use super::shapes::{self, Source};
 use super::source::Span;
@@ -22,6 +22,7 @@ use crate::scene::geometry::Notes;
 use crate::scene::image_file::Images;
 use crate::scene::light::{AreaLight, Light};
 use crate::scene::material::Material;
+use crate::scene::settings::{Filter, SamplerKind};
 use crate::scene::texture::{Texture, TextureRef};
 use crate::scene::{Contents, LoadOptions, Scene};
 use crate::transform::Transform;
@@ -37,6 +38,8 @@ struct State {
     area_light: Option<AreaLight>,
     textures: Rc<NamedTextures>,
     named_materials: Rc<NamedMaterials>,
+    /// pbrt-v4: what parameters are given for, and the parameters.
+    attributes: Vec<(String, Param)>,
 }
 
 /// A block that is open: its first directive and the state before it.
@@ -116,6 +119,7 @@ pub(crate) fn load(path: &Path, name: &str, options: &LoadOptions) -> Result<Sce
             area_light: None,
             textures: Rc::default(),
             named_materials: Rc::default(),
+            attributes: Vec::new(),
         },
         blocks: Vec::new(),
         world: None,
@@ -129,6 +133,21 @@ pub(crate) fn load(path: &Path, name: &str, options: &LoadOptions) -> Result<Sce
         coordinate_systems: HashMap::new(),
         subdivision_levels: options.subdivision_levels,
     };
+    if world.parser.is_v4 {
+        world.contents.format = "pbrt-v4".to_owned();
+        // Its defaults, in pbrt-v3's words.
+        world.settings.filter = Filter::Gaussian {
+            radius: [1.5; 2],
+            alpha: 2.0,
+        };
+        world.settings.sampler.kind = SamplerKind::Sobol;
+    }
+    if world.parser.is_part {
+        world.world = Some(start);
+        let place = world.parser.sources.place(start);
+        let text = "a part of a scene, without camera or light; they were chosen to suit it";
+        world.notes.tell(place, text.to_owned());
+    }
     while let Some(directive) = world.parser.next()? {
         if world.ended {
             let place = world.parser.sources.place(directive.span);
@@ -139,8 +158,10 @@ pub(crate) fn load(path: &Path, name: &str, options: &LoadOptions) -> Result<Sce
             );
             break;
         }
+        world.report_missing();
         world.take(directive)?;
     }
+    world.report_missing();
     world.finish(name)
 }
 
@@ -172,8 +193,21 @@ impl World<'_> {
         make(&mut maker, &mut self.materials)
     }
 
-    fn take(&mut self, d: Directive) -> Result<(), SceneError> {
+    fn take(&mut self, mut d: Directive) -> Result<(), SceneError> {
         self.check_section(&d)?;
+        // pbrt-v4: parameters that are given for all directives of a kind.
+        for (of, param) in &self.state.attributes {
+            let applies = match of.as_str() {
+                "shape" => d.word == Word::Shape,
+                "light" => matches!(d.word, Word::LightSource | Word::AreaLightSource),
+                "material" => matches!(d.word, Word::Material | Word::MakeNamedMaterial),
+                "texture" => d.word == Word::Texture,
+                _ => false,
+            };
+            if applies && !d.params.has(&param.name) {
+                d.params.list.push(param.clone());
+            }
+        }
         self.count(&d);
         let s = &self.parser.sources;
         match d.word {
@@ -276,6 +310,23 @@ impl World<'_> {
                 self.ended = true;
             }
 
+            Word::Attribute => {
+                d.params.ignore_all();
+                for param in &d.params.list {
+                    self.state
+                        .attributes
+                        .push((d.name().to_owned(), param.clone()));
+                }
+            }
+            Word::ColorSpace => {
+                if d.name() != "srgb" {
+                    let text = format!(
+                        "the colour space \"{}\" is not supported; colours are taken as sRGB's",
+                        shortened(d.name())
+                    );
+                    self.warn("color space", d.span, text);
+                }
+            }
             Word::ReverseOrientation => self.state.reversed = !self.state.reversed,
             Word::MakeNamedMedium | Word::MediumInterface => {
                 d.params.ignore_all();
@@ -389,6 +440,18 @@ impl World<'_> {
                 ))
             }
             _ => Ok(()),
+        }
+    }
+
+    /// Names the files that were to be included and are not there.
+    fn report_missing(&mut self) {
+        for (name, span) in std::mem::take(&mut self.parser.missing) {
+            let text = format!(
+                "there is no file \"{}\" to include; rendered without it. It is looked for beside \
+                 the file that includes it, beside the scene's main file and on the search path",
+                shortened(&name)
+            );
+            self.warn(&format!("file {name}"), span, text);
         }
     }
 

@@ -4,6 +4,7 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::World;
@@ -11,6 +12,7 @@ use crate::error::SceneError;
 use crate::scene::geometry::{Geometry, LocalSurface, Placed, assemble};
 use crate::scene::pbrt::shapes::Source;
 use crate::scene::pbrt::source::Span;
+use crate::scene::view::{self, Up};
 use crate::scene::{Scene, ply};
 
 impl World<'_> {
@@ -25,7 +27,7 @@ impl World<'_> {
         if let Some(block) = self.blocks.last() {
             return Err(self.not_closed(block));
         }
-        if !self.ended {
+        if !self.ended && !self.parser.is_v4 && !self.parser.is_part {
             return Err(self.error(world, "this WorldBegin has no WorldEnd"));
         }
         let placed = self.placed()?;
@@ -50,11 +52,21 @@ impl World<'_> {
             );
         }
         let assembled = assemble(&placed).map_err(|message| self.error(world, message))?;
+        if self.parser.is_part {
+            let bounds = assembled.mesh.bounds();
+            let (towards_eye, towards_sun) =
+                (DVec3::new(0.62, 0.42, 0.8), DVec3::new(-0.3, 0.9, 0.6));
+            let up = Up::guessed(Up::Y, &bounds);
+            self.settings.camera =
+                view::fitted(&bounds, assembled.mesh.positions(), towards_eye, up);
+            self.lights = view::daylight(towards_sun);
+        }
         Ok(Scene {
             name: name.to_owned(),
             mesh: assembled.mesh,
             normals: assembled.normals,
             uvs: assembled.uvs,
+            colors: vec![],
             shapes: assembled.shapes,
             materials: self.materials,
             lights: self.lights,
