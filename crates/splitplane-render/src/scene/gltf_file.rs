@@ -544,7 +544,7 @@ impl Reader<'_> {
         };
         let materials = surfaces.into_iter().map(|s| s.material).collect();
         let notes = self.notes.into_list();
-        let mut scene = view::scene(name, &self.pieces, materials, fit, notes)
+        let mut scene = view::scene(name, self.pieces, materials, fit, notes)
             .map_err(|message| SceneError::file(&file, message))?;
         if let Some(aspect) = aspect {
             scene.film.width = ((view::HEIGHT as f32 * aspect).round() as u32).max(1);

@@ -216,7 +216,7 @@ fn pfm(bytes: &[u8]) -> Result<Floats, String> {
 }
 
 /// From an sRGB value to a linear one, both from 0 to 1.
-fn linear(value: f32) -> f32 {
+pub(crate) fn linear(value: f32) -> f32 {
     if value <= 0.04045 {
         value / 12.92
     } else {

@@ -142,7 +142,7 @@ pub(crate) fn matte(value: [f32; 3]) -> Material {
 /// A message, where the pieces do not fit into a mesh.
 pub(crate) fn scene(
     name: &str,
-    pieces: &[Placed],
+    pieces: Vec<Placed>,
     materials: Vec<Material>,
     view: impl FnOnce(&splitplane::Mesh) -> (Camera, Vec<Light>),
     notes: Vec<Note>,

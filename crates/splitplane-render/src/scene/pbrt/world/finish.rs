@@ -51,7 +51,10 @@ impl World<'_> {
                 ),
             );
         }
-        let assembled = assemble(&placed).map_err(|message| self.error(world, message))?;
+        // Only the placed pieces have the triangles now: a single one is not copied.
+        self.pieces.clear();
+        self.objects.clear();
+        let assembled = assemble(placed).map_err(|message| self.error(world, message))?;
         if self.parser.is_part {
             let bounds = assembled.mesh.bounds();
             let (towards_eye, towards_sun) =
