@@ -28,7 +28,12 @@ fn mean(scene: &Scene) -> [f32; 3] {
 /// A square of two triangles as positions and 16-bit indices, in base 64.
 fn square() -> (String, usize) {
     let mut bytes = Vec::new();
-    for p in [[-1f32, -1.0, 0.0], [1.0, -1.0, 0.0], [1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]] {
+    for p in [
+        [-1f32, -1.0, 0.0],
+        [1.0, -1.0, 0.0],
+        [1.0, 1.0, 0.0],
+        [-1.0, 1.0, 0.0],
+    ] {
         p.iter().for_each(|c| bytes.extend(c.to_le_bytes()));
     }
     for i in [0u16, 1, 2, 0, 2, 3] {
@@ -82,9 +87,15 @@ fn gltf_has_meshes_cameras_lights_and_materials_at_their_nodes() {
     assert_eq!(scene.mesh.bounds().min, [-9.0, -9.0, -6.0]);
     assert_eq!((scene.film.width, scene.film.height), (1440, 720));
     assert!((scene.camera.fov - 0.5f32.to_degrees()).abs() < 1e-3);
-    assert!(matches!(scene.lights[..], [Light::Distant { towards, .. }] if towards == [0.0, 0.0, 1.0]));
+    assert!(
+        matches!(scene.lights[..], [Light::Distant { towards, .. }] if towards == [0.0, 0.0, 1.0])
+    );
     assert!(matches!(scene.materials[0], Material::Substrate { .. }));
-    assert!(scene.notes.iter().all(|note| !note.warning), "{:?}", scene.notes);
+    assert!(
+        scene.notes.iter().all(|note| !note.warning),
+        "{:?}",
+        scene.notes
+    );
     // The light falls along the view: reflectance times irradiance over pi, roughly.
     let [r, g, b] = mean(&scene);
     assert!(r > 1.5 * g && g > 1.5 * b && r > 0.3, "{r} {g} {b}");
@@ -115,7 +126,10 @@ fn a_gltf_that_lies_is_refused() {
         String::new(),
         good[..good.len() / 2].to_owned(),
         good.replace("\"count\":4", "\"count\":4000000000"),
-        good.replace("\"byteOffset\":48,\"byteLength\":12", "\"byteOffset\":48,\"byteLength\":99"),
+        good.replace(
+            "\"byteOffset\":48,\"byteLength\":12",
+            "\"byteOffset\":48,\"byteLength\":99",
+        ),
         good.replace("base64,", "base64,!"),
         good.replace("data:application/octet-stream;base64,", "gone.bin?"),
     ] {

@@ -361,7 +361,7 @@ impl<'s> Lights<'s> {
                     error: gamma(6) * absolute_sum(weights, p),
                     normal: self.light_normal(self.shape(shape).0, triangle, weights)?,
                 };
-                self.from_area(shape, at, source, area(p))?
+                self.sample_of_area(shape, at, source, area(p))?
             }
             &Source::Disk {
                 center,
@@ -376,7 +376,7 @@ impl<'s> Lights<'s> {
                     error: gamma(8) * p.abs(),
                     normal,
                 };
-                self.from_area(shape, at, source, disk_area(&axes))?
+                self.sample_of_area(shape, at, source, disk_area(&axes))?
             }
             &Source::Sphere {
                 center,
@@ -391,7 +391,7 @@ impl<'s> Lights<'s> {
                 };
                 let (source, cone_pdf) = sphere.sample(at, u);
                 match cone_pdf {
-                    None => self.from_area(shape, at, source, 4.0 * PI * radius * radius)?,
+                    None => self.sample_of_area(shape, at, source, 4.0 * PI * radius * radius)?,
                     Some(pdf) => {
                         let wi = (source.p - at.p).try_normalize()?;
                         LightSample {
@@ -408,7 +408,13 @@ impl<'s> Lights<'s> {
     }
 
     /// Light from a place on a shape that was drawn uniformly over an area.
-    fn from_area(&self, shape: u32, at: &Place, source: Place, area: f32) -> Option<LightSample> {
+    fn sample_of_area(
+        &self,
+        shape: u32,
+        at: &Place,
+        source: Place,
+        area: f32,
+    ) -> Option<LightSample> {
         let wi = (source.p - at.p).try_normalize()?;
         Some(LightSample {
             radiance: emitted(self.shape(shape).1?, source.normal, -wi),
