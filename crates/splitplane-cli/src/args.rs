@@ -33,6 +33,7 @@ pub struct Cli {
 #[derive(Debug, Subcommand)]
 pub enum Command {
     Render(RenderCommand),
+    Check(CheckCommand),
     Build(BuildCommand),
     Compare(CompareCommand),
     Reproduce(ReproduceCommand),
@@ -52,7 +53,11 @@ pub enum Command {
 #[command(after_help = "Examples:
   splitplane render truck
   splitplane render killeroo-legs --tree wn+kd:6 --spp 64 --out pictures
-  splitplane render room.pbrt --crop 0.4,0.6,0.4,0.6 --max-depth 3")]
+  splitplane render room.pbrt --crop 0.4,0.6,0.4,0.6 --max-depth 3
+  splitplane render room.pbrt --time 10m
+
+While it renders, the picture so far is written every few seconds, with a file from which --resume
+goes on.")]
 pub struct RenderCommand {
     #[command(flatten)]
     pub scene: SceneArgs,
@@ -64,6 +69,13 @@ pub struct RenderCommand {
     pub build: BuildArgs,
     #[command(flatten)]
     pub picture: PictureArgs,
+    /// Go on taking samples until so much time is over, e.g. 60s, 5m or 1h
+    #[arg(long, value_name = "TIME", value_parser = duration)]
+    pub time: Option<f64>,
+    /// Go on with the unfinished picture that an interrupted run of the same left in the folder
+    /// for output
+    #[arg(long)]
+    pub resume: bool,
     /// Write the record of the run to this file [default: none]
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
@@ -71,6 +83,19 @@ pub struct RenderCommand {
     pub out: OutArgs,
     #[command(flatten)]
     pub general: GeneralArgs,
+}
+
+/// Read a scene and say what is in it and what of it will be approximated, without rendering.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  splitplane check room.pbrt
+  splitplane check room.glb --json")]
+pub struct CheckCommand {
+    #[command(flatten)]
+    pub scene: SceneArgs,
+    /// Print JSON instead of text
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Build a tree over a scene's triangles and print its card: nodes, leaves, expected cost.
@@ -572,6 +597,23 @@ pub struct GeneralArgs {
     pub quiet: bool,
 }
 
+/// A time with its unit, in seconds.
+fn duration(text: &str) -> Result<f64, String> {
+    let number = text.trim_end_matches(|c: char| c.is_ascii_alphabetic());
+    let unit = match &text[number.len()..] {
+        "s" | "" => 1.0,
+        "m" | "min" => 60.0,
+        "h" => 3600.0,
+        _ => f64::NAN,
+    };
+    let seconds = number.parse::<f64>().map_or(f64::NAN, |n| n * unit);
+    if seconds > 0.0 && seconds.is_finite() {
+        Ok(seconds)
+    } else {
+        Err("takes a time above 0 such as 60s, 5m or 1h".to_owned())
+    }
+}
+
 fn fraction(text: &str) -> Result<f64, String> {
     let number = text.trim().parse().ok();
     number
@@ -636,5 +678,15 @@ mod tests {
     fn the_command_line_is_consistent() {
         use clap::CommandFactory;
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn times_have_units() {
+        assert_eq!(duration("90"), Ok(90.0));
+        assert_eq!(duration("1.5m"), Ok(90.0));
+        assert_eq!(duration("2h"), Ok(7200.0));
+        for wrong in ["", "s", "5 d", "-3s", "0", "infs"] {
+            assert!(duration(wrong).is_err(), "{wrong}");
+        }
     }
 }

@@ -32,6 +32,7 @@ fn main() -> ExitCode {
     // clap prints help and its own errors, and exits with 0 and 2.
     let done = match Cli::parse().command {
         Command::Render(command) => commands::render::run(&command),
+        Command::Check(command) => commands::check::run(&command),
         Command::Build(command) => commands::build::run(&command),
         Command::Compare(command) => commands::compare::run(&command),
         Command::Reproduce(command) => commands::reproduce::run(&command),

@@ -117,7 +117,9 @@ fn style(template: &str, cell: &OnceLock<ProgressStyle>) -> ProgressStyle {
     .clone()
 }
 
-impl Progress for Bar {
+impl Progress for Bar {}
+
+impl splitplane::Progress for Bar {
     fn advanced(&self, done: u64, total: u64) {
         if self.bar.is_hidden() {
             return;

@@ -197,7 +197,7 @@ fn an_experiment_that_is_killed_ten_times_loses_nothing_and_counts_nothing_twice
     let total = 4 * 4 * 3;
     let arguments = ["experiment", file, "--out", "killed", "--resume", "--quiet"];
     let cells = || times(folder.path().join("killed/cells"));
-    let mut before = BTreeMap::new();
+    let mut before: BTreeMap<std::path::PathBuf, _> = BTreeMap::new();
     let mut wait = 1_u64;
     for kill in 0..10 {
         let mut running = start(&folder, &arguments);

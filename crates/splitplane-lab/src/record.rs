@@ -310,8 +310,8 @@ impl CardRecord {
             tests_by_leaf_size,
             sah_cost,
             bytes,
-            build,
             wide: _,
+            build,
         } = built.card.clone();
         CardRecord {
             tree: choice.spec.name.to_owned(),

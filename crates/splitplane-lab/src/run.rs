@@ -4,7 +4,7 @@ use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
 use splitplane::{BuildParams, Counts, Mesh, Progress, Traversal, Tree, TreeCard, TreeChoice};
-use splitplane_render::render::{LeafSizes, RenderSettings, Rendered, render};
+use splitplane_render::render::{self, LeafSizes, RenderSettings, Rendered, render};
 use splitplane_render::scene::{Scene, settings::Integrator};
 
 use crate::LabError;
@@ -205,7 +205,7 @@ pub fn render_timed(
     scene: &Scene,
     built: &Built,
     settings: &Settings,
-    progress: &dyn Progress,
+    progress: &dyn render::Progress,
 ) -> Result<(Rendered, Option<f64>), LabError> {
     let load = OthersLoad::start();
     let rendered = render_with(scene, built, settings, false, progress)?;
@@ -221,7 +221,7 @@ pub fn render_with(
     built: &Built,
     settings: &Settings,
     count: bool,
-    progress: &dyn Progress,
+    progress: &dyn render::Progress,
 ) -> Result<Rendered, LabError> {
     let settings = RenderSettings {
         count,
@@ -251,6 +251,7 @@ pub fn record(
     let (integrator, max_depth) = match scene.integrator {
         Integrator::Path { max_depth, .. } => ("path", Some(max_depth)),
         Integrator::Direct { max_depth, .. } => ("directlighting", Some(max_depth)),
+        Integrator::Whitted { max_depth } => ("whitted", Some(max_depth)),
         Integrator::AmbientOcclusion { .. } => ("ambientocclusion", None),
     };
     let counts = |pick: fn(&Counts) -> u64| PerRay {

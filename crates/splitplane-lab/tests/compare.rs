@@ -7,14 +7,14 @@ use splitplane_lab::{
     Preset, Quantity, Record, Settings, Step, Task, Watch, compare, rows, write_records,
 };
 use splitplane_render::render::Progress;
-use splitplane_render::scene::camera::Camera;
+use splitplane_render::scene::camera::{Camera, Projection};
 use splitplane_render::scene::light::Light;
 use splitplane_render::scene::material::Material;
 use splitplane_render::scene::settings::{
     Film, Filter, Integrator, LightStrategy, Sampler, SamplerKind,
 };
 use splitplane_render::scene::texture::Texture;
-use splitplane_render::scene::{Scene, Shape};
+use splitplane_render::scene::{Contents, Scene, Shape, Surface};
 use splitplane_render::transform::Transform;
 
 /// A field of hills in front of the camera, and a light beside it.
@@ -47,6 +47,7 @@ fn hills() -> Scene {
         mesh: Mesh::new(positions, triangles).unwrap(),
         normals: vec![],
         uvs: vec![],
+        colors: vec![],
         shapes: vec![Shape {
             triangles: 0..count,
             material: 0,
@@ -54,6 +55,9 @@ fn hills() -> Scene {
             has_normals: false,
             has_uvs: false,
             flip_normals: false,
+            surface: Surface::Flat,
+            alpha: None,
+            shadow_alpha: None,
         }],
         materials: vec![Material::Matte {
             kd: grey(0.7),
@@ -65,6 +69,7 @@ fn hills() -> Scene {
         }],
         camera: Camera {
             camera_to_world: Transform::IDENTITY,
+            projection: Projection::Perspective,
             fov: 50.0,
             screen_window: None,
             frame_aspect_ratio: None,
@@ -91,6 +96,7 @@ fn hills() -> Scene {
             light_strategy: LightStrategy::Power,
         },
         accelerator: None,
+        contents: Contents::default(),
         notes: vec![],
     }
 }

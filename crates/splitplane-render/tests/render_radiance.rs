@@ -9,8 +9,13 @@ use splitplane_render::render::RenderSettings;
 use splitplane_render::scene::light::Light;
 use splitplane_render::scene::material::Material;
 use splitplane_render::scene::settings::{Integrator, LightStrategy, SamplerKind};
+use splitplane_render::transform::Transform;
 
-const SKY: Light = Light::Infinite { radiance: [3.0; 3] };
+const SKY: Light = Light::Infinite {
+    radiance: [3.0; 3],
+    map: None,
+    to_world: Transform::IDENTITY,
+};
 
 fn samples(count: u32) -> RenderSettings {
     RenderSettings {

@@ -3,12 +3,14 @@
 
 mod render_common;
 
+use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use render_common::{Part, grey, matte, mean, rendered, scene, tree_of};
 use splitplane::{Counts, Mesh};
 use splitplane_render::render::{
-    PixelCounts, Progress, RenderError, RenderSettings, Rendered, render,
+    Checkpoint, Partial, PixelCounts, Progress, RenderError, RenderSettings, Rendered, render,
+    render_from,
 };
 use splitplane_render::scene::Scene;
 use splitplane_render::scene::light::Light;
@@ -115,6 +117,7 @@ fn counters_of_pixels_add_up_to_those_of_rays() {
             kd_visits: sum.kd_visits + u64::from(c.kd_visits),
             oblique_visits: sum.oblique_visits + u64::from(c.oblique_visits),
             leaf_visits: sum.leaf_visits + u64::from(c.leaf_visits),
+            ..sum
         })
     };
     let mut closest = picture.counts.camera;
@@ -145,6 +148,13 @@ fn seeds_change_the_noise_and_not_the_mean() {
         SamplerKind::Halton {
             sample_at_center: false,
         },
+        SamplerKind::Sobol,
+        SamplerKind::ZeroTwo { dimensions: 4 },
+        SamplerKind::Stratified {
+            columns: 6,
+            jitter: true,
+            dimensions: 4,
+        },
     ] {
         let mut scene = room();
         scene.sampler.kind = kind;
@@ -172,12 +182,19 @@ fn seeds_change_the_noise_and_not_the_mean() {
 fn a_crop_is_a_part_of_the_whole() {
     let mut scene = room();
     scene.sampler.kind = SamplerKind::Random;
-    let whole = rendered(&scene, &RenderSettings::default());
+    let whole = rendered(
+        &scene,
+        &RenderSettings {
+            seed: 1,
+            ..Default::default()
+        },
+    );
     let crop = Some([0.31, 0.77, 0.2, 0.95]);
     let part = rendered(
         &scene,
         &RenderSettings {
             crop,
+            seed: 1,
             ..Default::default()
         },
     );
@@ -241,7 +258,7 @@ fn a_scene_without_triangles_or_lights_is_black_but_for_its_sky() {
         mean(&rendered(&scene(vec![], vec![], 60.0), &settings)),
         0.0
     );
-    let sky = Light::Infinite { radiance: [2.0; 3] };
+    let sky = Light::sky([2.0; 3]);
     assert_eq!(
         mean(&rendered(&scene(vec![], vec![sky], 60.0), &settings)),
         2.0
@@ -316,4 +333,75 @@ fn what_cannot_be_rendered_is_refused_with_a_reason() {
         message.contains("another mesh") || message.contains("triangles"),
         "{message}"
     );
+}
+
+/// Stops after the first partial picture, and keeps it.
+#[derive(Default)]
+struct Interrupting {
+    kept: Mutex<Option<Checkpoint>>,
+}
+
+impl Progress for Interrupting {
+    fn wants_partial(&self) -> bool {
+        self.kept.lock().unwrap().is_none()
+    }
+    fn partial(&self, partial: &Partial) {
+        assert!(partial.picture.radiance.iter().any(|p| p[1] > 0.0));
+        *self.kept.lock().unwrap() = Some(partial.checkpoint.clone());
+    }
+    fn cancelled(&self) -> bool {
+        self.kept.lock().unwrap().is_some()
+    }
+}
+
+#[test]
+fn an_interrupted_rendering_goes_on_to_the_same_picture() {
+    let mut scene = room();
+    scene.filter = Filter::Triangle { radius: [2.0; 2] };
+    let tree = tree_of(&scene);
+    // Large enough for more than one batch of tiles.
+    let settings = RenderSettings {
+        resolution: Some((300, 200)),
+        samples_per_pixel: Some(1),
+        threads: 1,
+        ..Default::default()
+    };
+    let whole = render(&scene, &tree, &settings, &()).unwrap();
+    let interrupting = Interrupting::default();
+    let stopped = render(&scene, &tree, &settings, &interrupting);
+    assert_eq!(stopped, Err(RenderError::Cancelled));
+    let kept = interrupting.kept.into_inner().unwrap().unwrap();
+    let bytes = kept.to_bytes();
+    let again = Checkpoint::from_bytes(&bytes).unwrap();
+    assert_eq!(again, kept);
+    assert!(Checkpoint::from_bytes(&bytes[..bytes.len() - 1]).is_none());
+    let other = RenderSettings {
+        seed: 5,
+        ..settings.clone()
+    };
+    assert_eq!(
+        render_from(&scene, &tree, &other, Some(again.clone()), &()),
+        Err(RenderError::OtherCheckpoint)
+    );
+    let resumed = render_from(&scene, &tree, &settings, Some(again), &()).unwrap();
+    assert_eq!(without_time(resumed), without_time(whole));
+}
+
+#[test]
+fn a_limit_of_time_gives_more_samples_and_the_same_mean() {
+    let scene = room();
+    let with = |time| {
+        let settings = RenderSettings {
+            samples_per_pixel: Some(2),
+            time,
+            ..Default::default()
+        };
+        rendered(&scene, &settings)
+    };
+    let (short, long) = (with(None), with(Some(0.5)));
+    assert_eq!(short.samples_per_pixel, 2);
+    assert!(long.samples_per_pixel > 2);
+    let pixels = 70 * 41 * u64::from(long.samples_per_pixel);
+    assert_eq!(long.rays.camera, pixels);
+    assert!((mean(&long) / mean(&short) - 1.0).abs() < 0.1);
 }

@@ -5,7 +5,7 @@ use std::path::Path;
 use splitplane_render::scene::light::Light;
 use splitplane_render::scene::material::Material;
 use splitplane_render::scene::settings::{Filter, Integrator, SamplerKind};
-use splitplane_render::scene::texture::Texture;
+use splitplane_render::scene::texture::{Mapping, Texture};
 use splitplane_render::scene::{LoadOptions, Scene, load};
 
 /// Reads a scene of `before` and `world`, in a folder of `files`.
@@ -134,7 +134,7 @@ fn lights_are_scaled_and_placed() {
             intensity,
         },
         Light::Distant { towards, .. },
-        Light::Infinite { radiance },
+        Light::Infinite { radiance, .. },
     ] = scene.lights[..]
     else {
         panic!("{:?}", scene.lights);
@@ -192,22 +192,28 @@ fn images_are_made_linear_and_their_rows_start_at_the_top() {
     let Texture::Image { image, mapping, .. } = &**kd else {
         panic!()
     };
-    close(image.pixels[0], [1.0, 0.0, 0.0]);
+    assert_eq!(image.size(), (1, 2));
+    close(image.pixel(0, 0), [1.0, 0.0, 0.0]);
     assert!(
-        (image.pixels[1][0] - 0.503).abs() < 1e-3,
+        (image.pixel(0, 1)[0] - 0.503).abs() < 1e-3,
         "sRGB 188 is about one half"
     );
-    assert_eq!(*mapping, [3.0, 1.0, 0.0, 0.5]);
+    let uv = Mapping::Uv {
+        scale: [3.0, 1.0],
+        shift: [0.0, 0.5],
+    };
+    assert_eq!(*mapping, uv);
     assert!(scene.notes.is_empty());
 }
 
 #[test]
 fn what_is_not_supported_warns_once_with_its_place() {
     let scene = scene(
-        "Camera \"orthographic\"",
-        "Shape \"nurbs\"\nShape \"nurbs\"\nShape \"plymesh\" \"string filename\" \"gone.ply\"\n\
+        "Camera \"telescope\"",
+        "Shape \"blob\"\nShape \"blob\"\nShape \"plymesh\" \"string filename\" \"gone.ply\"\n\
          Texture \"t\" \"color\" \"imagemap\" \"string filename\" \"gone.png\"\n\
-         Material \"matte\" \"rgb Kdd\" [1 1 1]\nMaterial \"hair\"\nMakeNamedMedium \"fog\"\n",
+         Material \"matte\" \"rgb Kdd\" [1 1 1]\nMaterial \"hair\"\nMakeNamedMedium \"fog\"\n\
+         Include \"gone.pbrt\"\nInclude \"gone.pbrt\"\n",
     );
     let notes: Vec<String> = scene
         .notes
@@ -219,13 +225,14 @@ fn what_is_not_supported_warns_once_with_its_place() {
         })
         .collect();
     let expected = [
-        (":1:1", "the camera \"orthographic\""),
-        (":3:1", "the shape \"nurbs\""),
+        (":1:1", "the camera \"telescope\""),
+        (":3:1", "the shape \"blob\""),
         (":5:17", "there is no mesh \"gone.ply\""),
-        (":6:1", "the image \"gone.png\""),
+        (":6:1", "there is no image \"gone.png\""),
         (":7:18", "does not use \"rgb Kdd\""),
         (":8:1", "the material \"hair\""),
         (":9:1", "participating media"),
+        (":10:9", "there is no file \"gone.pbrt\""),
     ];
     assert_eq!(notes.len(), expected.len(), "{notes:#?}");
     for (note, (place, text)) in notes.iter().zip(expected) {

@@ -2,6 +2,7 @@
 
 pub mod build;
 pub mod cast;
+pub mod check;
 pub mod compare;
 pub mod experiment;
 pub mod render;

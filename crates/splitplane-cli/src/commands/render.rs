@@ -1,10 +1,13 @@
 //! `splitplane render`.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
+use std::sync::Mutex;
+use std::time::{Duration, Instant};
 
 use splitplane::{TREES, TreeChoice};
-use splitplane_lab::{Preset, RenderTime, build, record, render_with, write_records};
-use splitplane_render::output::{write_exr, write_png};
+use splitplane_lab::{LabError, Preset, RenderTime, build, record, write_records};
+use splitplane_render::output::{write_bytes, write_exr, write_png};
+use splitplane_render::render::{Checkpoint, Partial, Progress, render_from};
 use splitplane_render::scene::Scene;
 
 use crate::args::RenderCommand;
@@ -33,15 +36,30 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
     bar.spin(format!("{tree}: building the tree"));
     let built = build(&scene.mesh, tree, &settings, &bar)?;
     bar.spin(format!("{tree}: rendering"));
-    let picture = render_with(&scene, &built, &settings, true, &bar)?;
-    progress::clear();
-
     let path = |extension: &str| -> PathBuf {
         let name = scene::file_name(&scene.name);
         command.out.out.join(format!("{name}.{extension}"))
     };
+    settings.render.time = command.time;
+    settings.render.count = true;
+    let unfinished = path("unfinished");
+    let from = match command.resume {
+        true => checkpoint(&unfinished, quiet)?,
+        false => None,
+    };
+    let writing = Writing {
+        bar: &bar,
+        places: [path("png"), path("exr"), unfinished.clone()],
+        last: Mutex::new(Instant::now()),
+    };
+    let picture = render_from(&scene, &built.tree, &settings.render, from, &writing)
+        .map_err(LabError::from)?;
+    progress::clear();
+
     write_png(&path("png"), &picture)?;
     write_exr(&path("exr"), &picture)?;
+    // Nothing to go on from is left; where there never was, nothing is removed.
+    let _ = std::fs::remove_file(&unfinished);
     let record = record(
         &scene,
         &built,
@@ -82,6 +100,76 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
         print::line(&format!("wrote {}", json.display()))?;
     }
     Ok(())
+}
+
+/// The unfinished picture of an earlier run; `None`, with a word about it, where there is none.
+fn checkpoint(path: &Path, quiet: bool) -> Result<Option<Checkpoint>, Failure> {
+    let bytes = match std::fs::read(path) {
+        Ok(bytes) => bytes,
+        Err(error) if error.kind() == std::io::ErrorKind::NotFound => {
+            if !quiet {
+                print::note(&format!(
+                    "there is no {}; the picture begins anew",
+                    path.display()
+                ));
+            }
+            return Ok(None);
+        }
+        Err(error) => {
+            return Err(Failure::input(format!(
+                "cannot read {}: {error}",
+                path.display()
+            )));
+        }
+    };
+    match Checkpoint::from_bytes(&bytes) {
+        Some(checkpoint) => Ok(Some(checkpoint)),
+        None => Err(Failure::input(format!(
+            "{} is not an unfinished picture, or one that was cut short; remove it to begin anew",
+            path.display()
+        ))),
+    }
+}
+
+/// Writes the picture every few seconds while it is rendered.
+struct Writing<'b> {
+    bar: &'b Bar,
+    /// PNG, EXR, and what a later run goes on from.
+    places: [PathBuf; 3],
+    last: Mutex<Instant>,
+}
+
+impl Writing<'_> {
+    const EVERY: Duration = Duration::from_secs(10);
+
+    fn last(&self) -> std::sync::MutexGuard<'_, Instant> {
+        self.last
+            .lock()
+            .unwrap_or_else(std::sync::PoisonError::into_inner)
+    }
+}
+
+impl splitplane::Progress for Writing<'_> {
+    fn advanced(&self, done: u64, total: u64) {
+        self.bar.advanced(done, total);
+    }
+}
+
+impl Progress for Writing<'_> {
+    fn wants_partial(&self) -> bool {
+        self.last().elapsed() >= Self::EVERY
+    }
+
+    fn partial(&self, partial: &Partial) {
+        let [png, exr, unfinished] = &self.places;
+        let written = write_png(png, &partial.picture)
+            .and_then(|()| write_exr(exr, &partial.picture))
+            .and_then(|()| write_bytes(unfinished, &partial.checkpoint.to_bytes()));
+        if let Err(error) = written {
+            print::warning(&error.to_string());
+        }
+        *self.last() = Instant::now();
+    }
 }
 
 /// The tree that the scene names, if it is one of ours.

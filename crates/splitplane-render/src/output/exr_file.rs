@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use exr::meta::attribute::{AttributeValue, Text};
 use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec,
     WritableImage,
@@ -13,7 +14,8 @@ use crate::render::{PixelCounts, Rendered};
 /// Writes radiance (`R`, `G`, `B`, linear), depth (`depth.Z`), the normal (`normal.X`, `.Y`, `.Z`)
 /// and the counters per pixel (`counters.triangle_tests.closest`, `….shadow`, and so on for
 /// `kd_visits`, `oblique_visits`, `leaf_visits`) as channels of one EXR file. Counters are 32-bit
-/// unsigned integers, all else 32-bit floats.
+/// unsigned integers, all else 32-bit floats. The header says `samplesPerPixel` and `renderTime`
+/// (in seconds).
 ///
 /// # Errors
 /// The file cannot be written, or the picture has not as many values as pixels.
@@ -47,9 +49,18 @@ pub fn write_exr(path: &Path, picture: &Rendered) -> Result<(), OutputError> {
             }
         }
     }
+    let mut attributes = LayerAttributes::default();
+    let mut tell = |name: &str, value: AttributeValue| {
+        attributes.other.insert(Text::from(name), value);
+    };
+    tell(
+        "samplesPerPixel",
+        AttributeValue::I32(i32::try_from(picture.samples_per_pixel).unwrap_or(i32::MAX)),
+    );
+    tell("renderTime", AttributeValue::F64(picture.seconds));
     let layer = Layer::new(
         (width as usize, height as usize),
-        LayerAttributes::default(),
+        attributes,
         Encoding::SMALL_LOSSLESS,
         AnyChannels::sort(channels),
     );

@@ -59,6 +59,16 @@ pub fn write_png(path: &Path, picture: &Rendered) -> Result<(), OutputError> {
     write_rgb(path, &bytes, width, height)
 }
 
+/// Writes any bytes as a file.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn write_bytes(path: &Path, bytes: &[u8]) -> Result<(), OutputError> {
+    replace(path, |file| {
+        file.write_all(bytes).map_err(|error| error.to_string())
+    })
+}
+
 /// The sRGB transfer function, to 8 bits; what is not a number is black.
 fn srgb(linear: f32) -> u8 {
     let encoded = if linear <= 0.003_130_8 {

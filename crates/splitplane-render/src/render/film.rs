@@ -152,6 +152,18 @@ impl FilmTile {
         }
     }
 
+    /// The sums of all pixels: of weight times radiance, and of weights.
+    pub(super) fn sums(&self) -> &[(Vec3, f32)] {
+        &self.sums
+    }
+
+    /// Goes on from sums of as many pixels; other sums are ignored.
+    pub(super) fn set_sums(&mut self, sums: Vec<(Vec3, f32)>) {
+        if sums.len() == self.sums.len() {
+            self.sums = sums;
+        }
+    }
+
     /// Adds a sample at `place` (in pixels) to all pixels within the filter's radius.
     pub(super) fn add(&mut self, plan: &FilmPlan, place: Vec2, mut radiance: Vec3) {
         let y = luminance(radiance);

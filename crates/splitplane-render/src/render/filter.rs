@@ -41,7 +41,8 @@ pub(super) fn radius(filter: &Filter) -> [f32; 2] {
         Filter::Box { radius }
         | Filter::Triangle { radius }
         | Filter::Gaussian { radius, .. }
-        | Filter::Mitchell { radius, .. } => radius,
+        | Filter::Mitchell { radius, .. }
+        | Filter::Sinc { radius, .. } => radius,
     }
 }
 
@@ -59,7 +60,20 @@ fn evaluate(filter: &Filter, p: Vec2) -> f32 {
         Filter::Mitchell { radius, b, c } => {
             mitchell(p.x / radius[0], b, c) * mitchell(p.y / radius[1], b, c)
         }
+        Filter::Sinc { radius, tau } => {
+            let windowed = |x: f32, r: f32| match x.abs() {
+                x if x > r => 0.0,
+                x => sinc(x) * sinc(x / tau),
+            };
+            windowed(p.x, radius[0]) * windowed(p.y, radius[1])
+        }
     }
+}
+
+/// sin πx / πx.
+fn sinc(x: f32) -> f32 {
+    let x = std::f32::consts::PI * x.abs();
+    if x < 1e-5 { 1.0 } else { x.sin() / x }
 }
 
 /// The cubic of [Mitchell1988], which ends at x = 1.

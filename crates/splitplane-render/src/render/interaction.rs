@@ -4,8 +4,10 @@
 use glam::{Vec2, Vec3};
 use splitplane::{Hit, Ray};
 
+use super::camera::Beside;
 use super::sampling::frame_around;
-use crate::scene::{Scene, Shape};
+use super::texture::{Footprint, Spot};
+use crate::scene::{Scene, Shape, Surface};
 
 /// Shadow rays end this part of their length before the light.
 const SHADOW_EPSILON: f32 = 0.0001;
@@ -85,11 +87,20 @@ pub(super) struct Interaction {
     /// Towards where the ray came from; as long as the ray's direction.
     pub(super) wo: Vec3,
     pub(super) uv: Vec2,
-    /// Along growing u.
+    /// The vertices' colours, between them.
+    pub(super) color: Vec3,
+    pub(super) footprint: Footprint,
+    /// Along growing u and v.
     pub(super) dpdu: Vec3,
+    pub(super) dpdv: Vec3,
     /// Frame to scatter in: `shading_normal` and two unit tangents.
     pub(super) shading_normal: Vec3,
     pub(super) tangents: [Vec3; 2],
+    /// Along growing u and v, as bump maps see it. Where a mesh has shading normals pbrt-v3 has
+    /// unit vectors here.
+    shading_dpduv: [Vec3; 2],
+    /// How the shading normal changes with u and v.
+    pub(super) dnduv: [Vec3; 2],
     pub(super) triangle: u32,
 }
 
@@ -99,19 +110,19 @@ impl Interaction {
         let indices = scene.mesh.triangles()[hit.triangle as usize].map(|i| i as usize);
         let p = scene.mesh.corners(hit.triangle).map(Vec3::from);
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
-        let uvs = if shape.has_uvs {
-            indices.map(|i| Vec2::from(scene.uvs[i]))
-        } else {
-            [Vec2::ZERO, Vec2::X, Vec2::ONE]
-        };
+        let uvs = corner_uvs(scene, shape, indices);
         let (dp02, dp12) = (p[0] - p[2], p[1] - p[2]);
-        let dpdu = along_u(dp02, dp12, uvs).unwrap_or_else(|| {
-            frame_around((p[2] - p[0]).cross(p[1] - p[0]).normalize_or_zero()).0
-        });
+        let (dpdu, dpdv) = along_uv(dp02, dp12, uvs)
+            .filter(|(dpdu, dpdv)| dpdu.cross(*dpdv).length_squared() != 0.0)
+            .unwrap_or_else(|| frame_around((p[2] - p[0]).cross(p[1] - p[0]).normalize_or_zero()));
 
         let mut normal = dp02.cross(dp12).normalize_or_zero();
+        let mut dnduv = [Vec3::ZERO; 2];
         let shading = if shape.has_normals {
             let n = indices.map(|i| Vec3::from(scene.normals[i]));
+            if let Some((dndu, dndv)) = along_uv(n[0] - n[2], n[1] - n[2], uvs) {
+                dnduv = [dndu, dndv];
+            }
             mix(weights, n).try_normalize()
         } else {
             None
@@ -127,12 +138,22 @@ impl Interaction {
         }
         let shading_normal = shading.unwrap_or(normal);
         let mut s = dpdu.normalize_or_zero();
+        let mut shading_dpduv = [dpdu, dpdv];
         if shading.is_some() {
-            // pbrt-v3 turns the tangent around wherever there are shading normals.
-            s = match s.cross(shading_normal).try_normalize() {
-                Some(t) => t.cross(shading_normal),
-                None => frame_around(shading_normal).0,
-            };
+            if shape.surface == Surface::Flat {
+                // pbrt-v3 turns the tangent around wherever there are shading normals.
+                s = match s.cross(shading_normal).try_normalize() {
+                    Some(t) => t.cross(shading_normal),
+                    None => frame_around(shading_normal).0,
+                };
+                shading_dpduv = [s, shading_normal.cross(s)];
+            } else {
+                let level = |v: Vec3| v - v.dot(shading_normal) * shading_normal;
+                shading_dpduv = shading_dpduv.map(level);
+                s = shading_dpduv[0]
+                    .try_normalize()
+                    .unwrap_or_else(|| frame_around(shading_normal).0);
+            }
         }
         Interaction {
             place: Place {
@@ -142,11 +163,117 @@ impl Interaction {
             },
             wo: -Vec3::from(ray.direction),
             uv: weights[0] * uvs[0] + weights[1] * uvs[1] + weights[2] * uvs[2],
+            color: if scene.colors.is_empty() {
+                Vec3::ONE
+            } else {
+                mix(weights, indices.map(|i| Vec3::from(scene.colors[i])))
+            },
+            footprint: Footprint::default(),
             dpdu,
+            dpdv,
             shading_normal,
             tangents: [s, shading_normal.cross(s)],
+            shading_dpduv,
+            dnduv,
             triangle: hit.triangle,
         }
+    }
+
+    /// As textures see the place.
+    pub(super) fn spot(&self) -> Spot {
+        Spot {
+            p: self.place.p,
+            uv: self.uv,
+            color: self.color,
+            footprint: self.footprint,
+        }
+    }
+
+    /// How far the place moves to that of the rays beside [PBRT3, 10.1.1].
+    pub(super) fn set_footprint(&mut self, beside: &[Beside; 2]) {
+        let n = self.place.normal;
+        let d = n.dot(self.place.p);
+        let meet = |b: &Beside| {
+            let t = (d - n.dot(b.origin)) / n.dot(b.direction);
+            t.is_finite()
+                .then(|| b.origin + t * b.direction - self.place.p)
+        };
+        let (Some(dpdx), Some(dpdy)) = (meet(&beside[0]), meet(&beside[1])) else {
+            return;
+        };
+        // Two equations of three: those of the axes along which the surface lies most.
+        let abs = n.abs();
+        let axes = if abs.x > abs.y && abs.x > abs.z {
+            [1, 2]
+        } else if abs.y > abs.z {
+            [0, 2]
+        } else {
+            [0, 1]
+        };
+        let [u, v] = [self.dpdu, self.dpdv].map(|d| Vec2::new(d[axes[0]], d[axes[1]]));
+        let determinant = u.perp_dot(v);
+        let solve = |dp: Vec3| {
+            let dp = Vec2::new(dp[axes[0]], dp[axes[1]]);
+            let duv = Vec2::new(dp.perp_dot(v), u.perp_dot(dp)) / determinant;
+            if determinant.abs() < 1e-10 || !duv.is_finite() {
+                Vec2::ZERO
+            } else {
+                duv
+            }
+        };
+        self.footprint = Footprint {
+            dpdx,
+            dpdy,
+            duvdx: solve(dpdx),
+            duvdy: solve(dpdy),
+        };
+    }
+
+    /// Turns the frame as if the surface were raised by `height` [PBRT3, 9.3].
+    pub(super) fn bump(&mut self, height: impl Fn(&Spot) -> f32) {
+        /// Where there is no footprint.
+        const STEP: f32 = 0.0005;
+        let here = self.spot();
+        let level = height(&here);
+        let n = self.shading_normal;
+        let raised = |axis: usize| {
+            let step = 0.5 * (here.footprint.duvdx[axis].abs() + here.footprint.duvdy[axis].abs());
+            let step = if step == 0.0 { STEP } else { step };
+            let mut there = here;
+            there.p += step * self.shading_dpduv[axis];
+            there.uv[axis] += step;
+            let slope = (height(&there) - level) / step;
+            self.shading_dpduv[axis] + slope * n + level * self.dnduv[axis]
+        };
+        let [dpdu, dpdv] = [raised(0), raised(1)];
+        let Some(mut normal) = dpdu.cross(dpdv).try_normalize() else {
+            return;
+        };
+        if normal.dot(self.place.normal) < 0.0 {
+            normal = -normal;
+        }
+        self.shading_normal = normal;
+        self.shading_dpduv = [dpdu, dpdv];
+        let s = dpdu.normalize_or_zero();
+        self.tangents = [s, normal.cross(s)];
+    }
+}
+
+/// A place on a triangle, for textures that decide whether there is anything.
+pub(super) fn spot_of(scene: &Scene, shape: &Shape, hit: &Hit) -> Spot {
+    let indices = scene.mesh.triangles()[hit.triangle as usize].map(|i| i as usize);
+    let p = scene.mesh.corners(hit.triangle).map(Vec3::from);
+    let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+    let uvs = corner_uvs(scene, shape, indices);
+    let uv = weights[0] * uvs[0] + weights[1] * uvs[1] + weights[2] * uvs[2];
+    Spot::point(mix(weights, p), uv)
+}
+
+fn corner_uvs(scene: &Scene, shape: &Shape, indices: [usize; 3]) -> [Vec2; 3] {
+    if shape.has_uvs {
+        indices.map(|i| Vec2::from(scene.uvs[i]))
+    } else {
+        [Vec2::ZERO, Vec2::X, Vec2::ONE]
     }
 }
 
@@ -159,18 +286,18 @@ pub(super) fn absolute_sum(weights: [f32; 3], v: [Vec3; 3]) -> Vec3 {
     (weights[0] * v[0]).abs() + (weights[1] * v[1]).abs() + (weights[2] * v[2]).abs()
 }
 
-/// The derivative of a triangle's points by u; `None` where the texture coordinates leave it
-/// undefined.
-fn along_u(dp02: Vec3, dp12: Vec3, uvs: [Vec2; 3]) -> Option<Vec3> {
-    let (d02, d12) = (uvs[0] - uvs[2], uvs[1] - uvs[2]);
-    let determinant = d02.x * d12.y - d02.y * d12.x;
+/// The derivatives by u and v of what has the differences `d02` and `d12` along a triangle's edges;
+/// `None` where the texture coordinates leave them undefined.
+fn along_uv(d02: Vec3, d12: Vec3, uvs: [Vec2; 3]) -> Option<(Vec3, Vec3)> {
+    let (uv02, uv12) = (uvs[0] - uvs[2], uvs[1] - uvs[2]);
+    let determinant = uv02.x * uv12.y - uv02.y * uv12.x;
     if determinant.abs() < 1e-8 {
         return None;
     }
     let inverse = 1.0 / determinant;
-    let dpdu = (d12.y * dp02 - d02.y * dp12) * inverse;
-    let dpdv = (d02.x * dp12 - d12.x * dp02) * inverse;
-    (dpdu.cross(dpdv).length_squared() != 0.0).then_some(dpdu)
+    let du = (uv12.y * d02 - uv02.y * d12) * inverse;
+    let dv = (uv02.x * d12 - uv12.x * d02) * inverse;
+    Some((du, dv))
 }
 
 #[cfg(test)]
@@ -209,7 +336,8 @@ mod tests {
     fn default_coordinates_grow_along_the_first_edge() {
         let (p0, p1, p2) = (Vec3::ZERO, 2.0 * Vec3::X, Vec3::new(2.0, 3.0, 0.0));
         let uvs = [Vec2::ZERO, Vec2::X, Vec2::ONE];
-        assert_eq!(along_u(p0 - p2, p1 - p2, uvs), Some(2.0 * Vec3::X));
-        assert_eq!(along_u(p0 - p2, p1 - p2, [Vec2::ONE; 3]), None);
+        let derivatives = along_uv(p0 - p2, p1 - p2, uvs);
+        assert_eq!(derivatives, Some((2.0 * Vec3::X, 3.0 * Vec3::Y)));
+        assert_eq!(along_uv(p0 - p2, p1 - p2, [Vec2::ONE; 3]), None);
     }
 }

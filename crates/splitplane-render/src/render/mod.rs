@@ -6,6 +6,8 @@
 
 mod bsdf;
 mod camera;
+mod checkpoint;
+mod environment;
 mod film;
 mod filter;
 mod integrator;
@@ -25,6 +27,7 @@ use splitplane::{Counts, Tree};
 use crate::scene::Scene;
 use crate::scene::settings::Integrator;
 use camera::CameraRays;
+pub use checkpoint::{Checkpoint, Partial};
 use film::FilmPlan;
 use integrator::World;
 use light::Lights;
@@ -35,8 +38,8 @@ use sampler::Sequence;
 pub struct RenderSettings {
     /// Threads; 0: one per core. The result is the same for any number.
     pub threads: usize,
-    /// 0: for the Halton sampler, the very sequence of pbrt-v3. Any other seed gives another
-    /// sequence of the same quality.
+    /// 0: the very sequences of pbrt-v3. Any other seed gives another sequence of the same quality,
+    /// with which a crop shows the same as the whole picture.
     pub seed: u64,
     /// Samples per pixel in place of the scene's; at least 1.
     pub samples_per_pixel: Option<u32>,
@@ -47,6 +50,9 @@ pub struct RenderSettings {
     pub crop: Option<[f32; 4]>,
     /// The most bounces, in place of the scene's; ambient occlusion has none.
     pub max_depth: Option<u32>,
+    /// Takes further samples until so many seconds are over; the first ones are taken in any case.
+    /// Where this is set, how many samples a picture has depends on the machine.
+    pub time: Option<f64>,
     /// Count triangle tests and node visits, in all and per pixel. Without, the queries run
     /// without counters, as a rendering for its time should.
     pub count: bool,
@@ -62,6 +68,7 @@ impl Default for RenderSettings {
             resolution: None,
             crop: None,
             max_depth: None,
+            time: None,
             count: true,
         }
     }
@@ -161,7 +168,17 @@ pub struct Rendered {
 
 /// Watches a rendering, and may stop it: `done` of `total` camera rays have been traced to their
 /// end.
-pub use splitplane::Progress;
+pub trait Progress: splitplane::Progress {
+    /// Asked now and then: whether [`Progress::partial`] should be called with what is done.
+    fn wants_partial(&self) -> bool {
+        false
+    }
+    /// The picture so far.
+    fn partial(&self, _partial: &Partial) {}
+}
+
+/// Watches nothing, never stops.
+impl Progress for () {}
 
 /// Why a scene could not be rendered.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -198,6 +215,12 @@ pub enum RenderError {
         /// Why not.
         reason: String,
     },
+    /// A checkpoint of another scene, tree or settings.
+    #[error(
+        "the unfinished picture is of another scene, tree or settings; go on with the same, or \
+         begin anew"
+    )]
+    OtherCheckpoint,
     /// [`Progress::cancelled`] said so.
     #[error("the rendering was cancelled")]
     Cancelled,
@@ -215,6 +238,21 @@ pub fn render(
     settings: &RenderSettings,
     progress: &dyn Progress,
 ) -> Result<Rendered, RenderError> {
+    render_from(scene, tree, settings, None, progress)
+}
+
+/// As [`render()`], going on from where another rendering of the same was interrupted: the result
+/// is that of one that was not.
+///
+/// # Errors
+/// As [`render()`]; or the checkpoint is of another rendering.
+pub fn render_from(
+    scene: &Scene,
+    tree: &Tree,
+    settings: &RenderSettings,
+    from: Option<Checkpoint>,
+    progress: &dyn Progress,
+) -> Result<Rendered, RenderError> {
     check(scene, tree)?;
     let plan = Plan::new(scene, settings)?;
     let pool = rayon::ThreadPoolBuilder::new()
@@ -224,6 +262,15 @@ pub fn render(
             threads: settings.threads,
             reason: error.to_string(),
         })?;
+    let fingerprint = fingerprint_of(scene, tree, settings);
+    let pixels = plan.film.crop.pixels();
+    let state = match from {
+        Some(from) if from.fingerprint != fingerprint || from.first_hits.len() != pixels => {
+            return Err(RenderError::OtherCheckpoint);
+        }
+        Some(from) => from,
+        None => Checkpoint::new(fingerprint, plan.samples_per_pixel, pixels, settings.count),
+    };
     let lights = Lights::new(scene);
     let world = World::new(scene, &lights, plan.integrator);
     let job = tiles::Job {
@@ -232,16 +279,40 @@ pub fn render(
         world: &world,
         tree,
         sequence: &plan.sequence,
-        samples_per_pixel: plan.samples_per_pixel,
+        spacing: 1.0 / (plan.samples_per_pixel as f32).sqrt(),
         progress,
     };
     pool.install(|| {
         if settings.count {
-            job.run::<true>()
+            job.run::<true>(state, settings.time)
         } else {
-            job.run::<false>()
+            job.run::<false>(state, settings.time)
         }
     })
+}
+
+/// What a picture and its counters depend on, apart from the time that they may take.
+fn fingerprint_of(scene: &Scene, tree: &Tree, settings: &RenderSettings) -> u64 {
+    let settings = RenderSettings {
+        threads: 0,
+        time: None,
+        ..settings.clone()
+    };
+    let mesh = &scene.mesh;
+    checkpoint::fingerprint(&format!(
+        "{:?}",
+        (
+            settings,
+            (mesh.triangles().len(), mesh.bounds(), &scene.name),
+            (
+                &scene.film,
+                &scene.filter,
+                &scene.sampler,
+                &scene.integrator
+            ),
+            (&scene.camera, tree.choice(), tree.params()),
+        )
+    ))
 }
 
 /// A scene's settings with those of the caller in their place.
@@ -275,18 +346,22 @@ impl Plan {
         let mut integrator = scene.integrator;
         if let Some(depth) = settings.max_depth {
             match &mut integrator {
-                Integrator::Path { max_depth, .. } | Integrator::Direct { max_depth, .. } => {
-                    *max_depth = depth;
-                }
+                Integrator::Path { max_depth, .. }
+                | Integrator::Direct { max_depth, .. }
+                | Integrator::Whitted { max_depth } => *max_depth = depth,
                 Integrator::AmbientOcclusion { .. } => {}
             }
         }
         let plan = FilmPlan::new(&film, &scene.filter)?;
         let sampled = plan.samples();
-        let extent = [sampled.width() as i32, sampled.height() as i32];
         Ok(Plan {
             camera: CameraRays::new(&scene.camera, film.width, film.height),
-            sequence: Sequence::new(scene.sampler.kind, extent, settings.seed),
+            sequence: Sequence::new(
+                scene.sampler.kind,
+                &sampled,
+                samples_per_pixel,
+                settings.seed,
+            ),
             samples_per_pixel,
             integrator,
             film: plan,
@@ -306,6 +381,12 @@ fn check(scene: &Scene, tree: &Tree) -> Result<(), RenderError> {
     }
     let wrong = |what: String| Err(RenderError::Inconsistent(what));
     let vertices = scene.mesh.positions().len();
+    if !scene.colors.is_empty() && scene.colors.len() != vertices {
+        return wrong(format!(
+            "there are colours for {} of {vertices} vertices",
+            scene.colors.len()
+        ));
+    }
     let mut next = 0;
     for (number, shape) in scene.shapes.iter().enumerate() {
         if shape.triangles.start != next || shape.triangles.end < next {

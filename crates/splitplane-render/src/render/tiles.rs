@@ -1,5 +1,6 @@
 //! The picture, tile by tile: many threads, one result.
 
+use std::ops::{AddAssign, Range};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
@@ -8,17 +9,21 @@ use rayon::prelude::*;
 use splitplane::{Counts, Tree};
 
 use super::camera::CameraRays;
+use super::checkpoint::{Checkpoint, FirstHits, Partial};
 use super::film::{FilmPlan, FilmTile, Window};
-use super::integrator::{FirstHit, Gathered, Gatherer, World};
+use super::integrator::{Gathered, Gatherer, World};
 use super::sampler::Sequence;
 use super::sampling::luminance;
-use super::{LeafSizes, PixelCounters, PixelCounts, Progress, RayKinds, RenderError, Rendered};
+use super::{LeafSizes, PixelCounts, Progress, RayKinds, RenderError, Rendered};
 
 /// Edge of a tile, in pixels.
 const TILE: i32 = 16;
 
-/// Tiles that wait to be merged at most; the threads meet after so many.
-const BATCH: usize = 1024;
+/// Tiles a thread that wait to be merged at most; the threads meet after so many.
+const BATCH: usize = 64;
+
+/// Samples of a pixel in one pass at most, where time is limited.
+const LONGEST_PASS: u32 = 64;
 
 /// All that a rendering needs.
 pub(super) struct Job<'j> {
@@ -27,7 +32,8 @@ pub(super) struct Job<'j> {
     pub(super) world: &'j World<'j>,
     pub(super) tree: &'j Tree,
     pub(super) sequence: &'j Sequence,
-    pub(super) samples_per_pixel: u32,
+    /// Between samples, in pixels.
+    pub(super) spacing: f32,
     pub(super) progress: &'j dyn Progress,
 }
 
@@ -43,36 +49,55 @@ struct Tile {
     shadow: Vec<PixelCounts>,
 }
 
-/// Sums over the samples of a pixel that hit anything.
-#[derive(Clone, Copy, Default)]
-struct FirstHits {
-    distance: f32,
-    normal: Vec3,
-    count: u32,
-}
-
-impl FirstHits {
-    fn add(&mut self, hit: FirstHit) {
-        self.distance += hit.distance;
-        self.normal += hit.normal;
-        self.count += 1;
-    }
-}
-
 impl Job<'_> {
-    pub(super) fn run<const COUNT: bool>(&self) -> Result<Rendered, RenderError> {
+    /// Renders on from `state`. With a limit of time, further passes follow the scene's.
+    pub(super) fn run<const COUNT: bool>(
+        &self,
+        mut state: Checkpoint,
+        time: Option<f64>,
+    ) -> Result<Rendered, RenderError> {
         let start = Instant::now();
-        let sampled = self.plan.samples();
-        let total = sampled.pixels() as u64 * u64::from(self.samples_per_pixel);
-        let done = AtomicU64::new(0);
+        let before = state.seconds;
+        let tiles = self.plan.samples().tiles(TILE);
         let mut film = FilmTile::new(self.plan.crop);
-        let mut picture = self.blank(COUNT);
-        for batch in sampled.tiles(TILE).chunks(BATCH) {
+        state.film_into(&mut film);
+        loop {
+            self.pass::<COUNT>(&tiles, &mut film, &mut state, start, before)?;
+            state.seconds = before + start.elapsed().as_secs_f64();
+            let done = state.first_sample + state.samples;
+            let left = time.map(|time| time - state.seconds);
+            let next = left.map_or(0.0, |left| left / state.seconds * f64::from(done));
+            if next < 1.0 {
+                return Ok(self.picture(&film, &state, done));
+            }
+            state.first_sample = done;
+            state.samples = (next as u32).min(done).min(LONGEST_PASS);
+            state.tiles_done = 0;
+        }
+    }
+
+    /// Takes the samples of one pass, from the tile on that the state has come to.
+    fn pass<const COUNT: bool>(
+        &self,
+        tiles: &[Window],
+        film: &mut FilmTile,
+        state: &mut Checkpoint,
+        start: Instant,
+        before: f64,
+    ) -> Result<(), RenderError> {
+        let sampled: u64 = tiles.iter().map(|tile| tile.pixels() as u64).sum();
+        let total = sampled * u64::from(state.samples);
+        let skip = (state.tiles_done as usize).min(tiles.len());
+        let done = tiles[..skip].iter().map(|tile| tile.pixels() as u64);
+        let done = AtomicU64::new(done.sum::<u64>() * u64::from(state.samples));
+        let numbered: Vec<(u64, Window)> = (0..).zip(tiles.iter().copied()).collect();
+        let samples = state.first_sample..state.first_sample + state.samples;
+        for batch in numbered[skip..].chunks(BATCH * rayon::current_num_threads()) {
             let tiles: Vec<Tile> = batch
                 .par_iter()
                 .with_max_len(1)
-                .map(|tile| {
-                    let tile = self.tile::<COUNT>(*tile)?;
+                .map(|&(number, pixels)| {
+                    let tile = self.tile::<COUNT>(number, pixels, samples.clone())?;
                     let rays = tile.rays.camera;
                     let before = done.fetch_add(rays, Ordering::Relaxed);
                     self.progress.advanced(before + rays, total);
@@ -82,44 +107,59 @@ impl Job<'_> {
             // In order: sums of floats depend on it.
             for tile in &tiles {
                 film.merge(&tile.film);
-                picture.rays += tile.rays;
-                picture.counts += tile.counts;
-                picture.tests_by_leaf_size.camera += &tile.tests_by_leaf_size.camera;
-                picture.tests_by_leaf_size.bounce += &tile.tests_by_leaf_size.bounce;
-                picture.tests_by_leaf_size.shadow += &tile.tests_by_leaf_size.shadow;
-                self.place(&mut picture, tile);
+                state.rays += tile.rays;
+                state.counts += tile.counts;
+                let sizes = &mut state.tests_by_leaf_size;
+                sizes.camera += &tile.tests_by_leaf_size.camera;
+                sizes.bounce += &tile.tests_by_leaf_size.bounce;
+                sizes.shadow += &tile.tests_by_leaf_size.shadow;
+                self.place(state, tile);
+            }
+            state.tiles_done += tiles.len() as u64;
+            if self.progress.wants_partial() {
+                state.seconds = before + start.elapsed().as_secs_f64();
+                let samples = state.first_sample + state.samples;
+                self.progress.partial(&Partial {
+                    picture: self.picture(film, state, samples),
+                    checkpoint: Checkpoint {
+                        sums: film.sums().to_vec(),
+                        ..state.clone()
+                    },
+                });
             }
         }
-        picture.radiance = film.develop(self.plan);
-        picture.seconds = start.elapsed().as_secs_f64();
-        Ok(picture)
+        Ok(())
     }
 
-    fn blank(&self, count: bool) -> Rendered {
+    /// The picture so far.
+    fn picture(&self, film: &FilmTile, state: &Checkpoint, samples: u32) -> Rendered {
         let crop = &self.plan.crop;
-        let pixels = crop.pixels();
-        let none = vec![PixelCounts::default(); if count { pixels } else { 0 }];
+        let mean = |hits: &FirstHits| match hits.count {
+            0 => (f32::INFINITY, [0.0; 3]),
+            count => (
+                hits.distance / count as f32,
+                (hits.normal / count as f32).into(),
+            ),
+        };
+        let (depth, normal) = state.first_hits.iter().map(mean).unzip();
         Rendered {
             width: crop.width() as u32,
             height: crop.height() as u32,
             origin: (crop.min[0] as u32, crop.min[1] as u32),
-            samples_per_pixel: self.samples_per_pixel,
-            radiance: vec![],
-            depth: vec![f32::INFINITY; pixels],
-            normal: vec![[0.0; 3]; pixels],
-            rays: RayKinds::default(),
-            counts: RayKinds::default(),
-            tests_by_leaf_size: RayKinds::default(),
-            pixel_counts: count.then(|| PixelCounters {
-                closest: none.clone(),
-                shadow: none,
-            }),
-            seconds: 0.0,
+            samples_per_pixel: samples,
+            radiance: film.develop(self.plan),
+            depth,
+            normal,
+            rays: state.rays,
+            counts: state.counts,
+            tests_by_leaf_size: state.tests_by_leaf_size.clone(),
+            pixel_counts: state.pixel_counts.clone(),
+            seconds: state.seconds,
         }
     }
 
-    /// Copies what a tile knows of its own pixels.
-    fn place(&self, picture: &mut Rendered, tile: &Tile) {
+    /// Adds what a tile knows of its own pixels.
+    fn place(&self, state: &mut Checkpoint, tile: &Tile) {
         let width = tile.pixels.width();
         for (i, hits) in tile.first_hits.iter().enumerate() {
             let x = tile.pixels.min[0] + (i % width) as i32;
@@ -127,19 +167,22 @@ impl Job<'_> {
             let Some(pixel) = self.plan.crop.index(x, y) else {
                 continue;
             };
-            if hits.count > 0 {
-                picture.depth[pixel] = hits.distance / hits.count as f32;
-                picture.normal[pixel] = (hits.normal / hits.count as f32).into();
-            }
-            if let Some(counters) = &mut picture.pixel_counts {
-                counters.closest[pixel] = tile.closest[i];
-                counters.shadow[pixel] = tile.shadow[i];
+            state.first_hits[pixel].merge(hits);
+            if let Some(counters) = &mut state.pixel_counts {
+                counters.closest[pixel] += tile.closest[i];
+                counters.shadow[pixel] += tile.shadow[i];
             }
         }
     }
 
-    fn tile<const COUNT: bool>(&self, pixels: Window) -> Result<Tile, RenderError> {
+    fn tile<const COUNT: bool>(
+        &self,
+        number: u64,
+        pixels: Window,
+        samples: Range<u32>,
+    ) -> Result<Tile, RenderError> {
         let mut gatherer = Gatherer::<COUNT>::new(self.world, self.tree, self.sequence);
+        gatherer.sampler.start_tile(number, samples.start);
         let count = pixels.pixels();
         let mut film = FilmTile::new(self.plan.reach(&pixels));
         let mut first_hits = Vec::with_capacity(count);
@@ -152,14 +195,18 @@ impl Job<'_> {
             for x in pixels.min[0]..pixels.max[0] {
                 let before = gatherer.tracer.counts;
                 let mut hits = FirstHits::default();
-                gatherer.sampler.start_pixel(x, y);
-                for number in 0..self.samples_per_pixel {
+                gatherer
+                    .sampler
+                    .start_pixel(x, y, samples.end - samples.start);
+                for number in samples.clone() {
                     gatherer.sampler.start_sample(number);
                     let place = Vec2::new(x as f32, y as f32) + gatherer.sampler.next_2d();
                     // pbrt's time; here nothing moves.
                     let _time = gatherer.sampler.next_1d();
-                    let ray = self.camera.ray(place, gatherer.sampler.next_2d());
-                    let Gathered { radiance, first } = gatherer.gather(&ray);
+                    let beam = self
+                        .camera
+                        .beam(place, gatherer.sampler.next_2d(), self.spacing);
+                    let Gathered { radiance, first } = gatherer.gather(&beam);
                     first.into_iter().for_each(|hit| hits.add(hit));
                     film.add(self.plan, place, sound(radiance));
                 }
@@ -194,6 +241,16 @@ fn sound(radiance: Vec3) -> Vec3 {
         radiance
     } else {
         Vec3::ZERO
+    }
+}
+
+impl AddAssign for PixelCounts {
+    fn add_assign(&mut self, other: Self) {
+        let add = |sum: &mut u32, n: u32| *sum = sum.saturating_add(n);
+        add(&mut self.triangle_tests, other.triangle_tests);
+        add(&mut self.kd_visits, other.kd_visits);
+        add(&mut self.oblique_visits, other.oblique_visits);
+        add(&mut self.leaf_visits, other.leaf_visits);
     }
 }
 

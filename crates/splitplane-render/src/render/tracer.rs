@@ -2,20 +2,25 @@
 
 use splitplane::{Counters, Counts, Hit, Ray, Tree};
 
+use super::integrator::World;
+use super::interaction::spot_of;
+use super::texture::evaluate;
 use super::{LeafSizes, RayKinds};
 
 /// A tree, and what rays of each kind did to it; `COUNT` says whether the queries count.
 pub(super) struct Tracer<'t, const COUNT: bool> {
     tree: &'t Tree,
+    world: &'t World<'t>,
     pub(super) rays: RayKinds<u64>,
     pub(super) counts: RayKinds<Counts>,
     pub(super) tests_by_leaf_size: RayKinds<LeafSizes>,
 }
 
 impl<'t, const COUNT: bool> Tracer<'t, COUNT> {
-    pub(super) fn new(tree: &'t Tree) -> Self {
+    pub(super) fn new(tree: &'t Tree, world: &'t World<'t>) -> Self {
         Tracer {
             tree,
+            world,
             rays: RayKinds::default(),
             counts: RayKinds::default(),
             tests_by_leaf_size: RayKinds::default(),
@@ -27,9 +32,9 @@ impl<'t, const COUNT: bool> Tracer<'t, COUNT> {
         let sizes = &mut self.tests_by_leaf_size.camera;
         if COUNT {
             let counters = &mut Tally::new(&mut self.counts.camera, sizes);
-            self.tree.closest_hit(ray, counters)
+            closest(self.tree, self.world, ray, counters)
         } else {
-            self.tree.closest_hit(ray, &mut ())
+            closest(self.tree, self.world, ray, &mut ())
         }
     }
 
@@ -38,9 +43,9 @@ impl<'t, const COUNT: bool> Tracer<'t, COUNT> {
         let sizes = &mut self.tests_by_leaf_size.bounce;
         if COUNT {
             let counters = &mut Tally::new(&mut self.counts.bounce, sizes);
-            self.tree.closest_hit(ray, counters)
+            closest(self.tree, self.world, ray, counters)
         } else {
-            self.tree.closest_hit(ray, &mut ())
+            closest(self.tree, self.world, ray, &mut ())
         }
     }
 
@@ -49,9 +54,9 @@ impl<'t, const COUNT: bool> Tracer<'t, COUNT> {
         let sizes = &mut self.tests_by_leaf_size.shadow;
         if COUNT {
             let counters = &mut Tally::new(&mut self.counts.shadow, sizes);
-            self.tree.any_hit(ray, counters)
+            blocked(self.tree, self.world, ray, counters)
         } else {
-            self.tree.any_hit(ray, &mut ())
+            blocked(self.tree, self.world, ray, &mut ())
         }
     }
 }
@@ -75,9 +80,13 @@ impl<'a> Tally<'a> {
 
 impl Counters for Tally<'_> {
     #[inline(always)]
-    fn triangle_test(&mut self) {
-        self.counts.triangle_test();
-        self.sizes.0[self.leaf] += 1;
+    fn triangle_tests(&mut self, triangles: u32) {
+        self.counts.triangle_tests(triangles);
+        self.sizes.0[self.leaf] += u64::from(triangles);
+    }
+    #[inline(always)]
+    fn wide_visit(&mut self) {
+        self.counts.wide_visit();
     }
     #[inline(always)]
     fn kd_visit(&mut self) {
@@ -95,4 +104,31 @@ impl Counters for Tally<'_> {
             self.sizes.0.resize(self.leaf + 1, 0);
         }
     }
+}
+
+fn closest(tree: &Tree, world: &World<'_>, ray: &Ray, counters: &mut impl Counters) -> Option<Hit> {
+    if !world.has_alpha {
+        return tree.closest_hit(ray, counters);
+    }
+    tree.closest_hit_where(ray, |hit| is_there(world, hit, false), counters)
+}
+
+fn blocked(tree: &Tree, world: &World<'_>, ray: &Ray, counters: &mut impl Counters) -> bool {
+    if !world.has_alpha {
+        return tree.any_hit(ray, counters);
+    }
+    tree.any_hit_where(ray, |hit| is_there(world, hit, true), counters)
+}
+
+/// Whether the surface is there where a ray hits it, by its alpha textures.
+fn is_there(world: &World<'_>, hit: &Hit, for_shadow: bool) -> bool {
+    let shape = world.shape(hit.triangle);
+    let masks = [
+        shape.alpha.as_ref(),
+        shape.shadow_alpha.as_ref().filter(|_| for_shadow),
+    ];
+    masks.into_iter().flatten().all(|mask| {
+        let spot = spot_of(world.scene, shape, hit);
+        evaluate(mask, &spot).x != 0.0
+    })
 }

@@ -2,15 +2,18 @@
 
 use crate::transform::Transform;
 
-/// A perspective camera with a thin lens, as pbrt-v3 defines it.
+/// A camera with a thin lens, as pbrt-v3 defines it.
 #[derive(Clone, Debug)]
 pub struct Camera {
     /// From camera space (looking along +z, y up) to world space.
     pub camera_to_world: Transform,
-    /// Field of view along the shorter side of the picture, in degrees.
+    /// How space becomes a picture.
+    pub projection: Projection,
+    /// Field of view of a perspective along the shorter side of the picture, in degrees.
     pub fov: f32,
-    /// `[x_min, x_max, y_min, y_max]` of the picture in the plane z = 1 scaled by
-    /// tan(fov / 2); `None`: -1 to 1 along the shorter side, the longer by the aspect ratio.
+    /// `[x_min, x_max, y_min, y_max]` of the picture: of a perspective in the plane z = 1 scaled by
+    /// tan(fov / 2), of an orthographic view in scene units; `None`: -1 to 1 along the shorter
+    /// side, the longer by the aspect ratio.
     pub screen_window: Option<[f32; 4]>,
     /// Width over height; `None`: that of the film.
     pub frame_aspect_ratio: Option<f32>,
@@ -18,4 +21,16 @@ pub struct Camera {
     pub lens_radius: f32,
     /// Distance of the plane in focus, in scene units.
     pub focal_distance: f32,
+}
+
+/// How space becomes a picture.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Projection {
+    /// All rays through one point.
+    Perspective,
+    /// All rays along +z.
+    Orthographic,
+    /// All directions around a point: longitude to the right, latitude from +y downwards. There is
+    /// no lens and no window.
+    Environment,
 }

@@ -1,5 +1,10 @@
 //! Lights, as data. Colours are linear RGB (sRGB primaries).
 
+use std::sync::Arc;
+
+use super::texture::Image;
+use crate::transform::Transform;
+
 /// A light that is not a shape.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Light {
@@ -10,6 +15,40 @@ pub enum Light {
         /// Radiant intensity.
         intensity: [f32; 3],
     },
+    /// A cone of light from a point, that falls off towards its edge.
+    Spot {
+        /// Where, in world space.
+        position: [f32; 3],
+        /// Unit vector along the cone's axis.
+        direction: [f32; 3],
+        /// Radiant intensity within the inner cone.
+        intensity: [f32; 3],
+        /// Cosine of the angle between axis and the inner cone.
+        cos_inner: f32,
+        /// Cosine of the angle between axis and the outer cone, beyond which there is no light.
+        cos_outer: f32,
+    },
+    /// A picture that is projected from a point.
+    Projection {
+        /// From the light's space, where it shines along +z, to the world.
+        to_world: Transform,
+        /// Radiant intensity where the picture is white.
+        intensity: [f32; 3],
+        /// Field of view along the shorter side of the picture, in degrees.
+        fov: f32,
+        /// The picture; `None`: a white square.
+        map: Option<Arc<Image>>,
+    },
+    /// Light from a point, by directions as a picture says: longitude to the right around the y
+    /// axis, latitude downwards from it.
+    Goniometric {
+        /// From the light's space to the world.
+        to_world: Transform,
+        /// Radiant intensity where the picture is white.
+        intensity: [f32; 3],
+        /// The picture; `None`: white.
+        map: Option<Arc<Image>>,
+    },
     /// Parallel light from infinitely far.
     Distant {
         /// Unit vector towards the light, in world space.
@@ -17,11 +56,27 @@ pub enum Light {
         /// Radiance.
         radiance: [f32; 3],
     },
-    /// Constant light from all directions.
+    /// Light from all directions.
     Infinite {
-        /// Radiance.
+        /// Radiance; where the map is white, if there is one.
         radiance: [f32; 3],
+        /// What it looks like: longitude to the right around the z axis, latitude downwards from
+        /// it.
+        map: Option<Arc<Image>>,
+        /// From the space of the map to the world.
+        to_world: Transform,
     },
+}
+
+impl Light {
+    /// The same light from all directions.
+    pub fn sky(radiance: [f32; 3]) -> Light {
+        Light::Infinite {
+            radiance,
+            map: None,
+            to_world: Transform::IDENTITY,
+        }
+    }
 }
 
 /// The light that a shape gives off.
@@ -31,4 +86,7 @@ pub struct AreaLight {
     pub radiance: [f32; 3],
     /// Both sides shine, not only the one that the normal points to.
     pub two_sided: bool,
+    /// How many of [`super::Scene::lights`] come before it. Lights are sampled in the order of the
+    /// file.
+    pub after: u32,
 }

@@ -2,10 +2,7 @@
 
 use std::sync::Arc;
 
-use super::texture::Texture;
-
-/// A texture that may be shared.
-pub type TextureRef = Arc<Texture>;
+pub use super::texture::TextureRef;
 
 /// How a surface scatters light.
 #[derive(Clone, Debug)]
@@ -64,6 +61,57 @@ pub enum Material {
         eta: TextureRef,
         /// See [`Material::Plastic`].
         remap_roughness: bool,
+    },
+    /// A conductor's rough surface.
+    Metal {
+        /// Index of refraction.
+        eta: TextureRef,
+        /// Absorption coefficient.
+        k: TextureRef,
+        /// Roughness along u and v.
+        roughness: [TextureRef; 2],
+        /// See [`Material::Plastic`].
+        remap_roughness: bool,
+    },
+    /// Diffuse under a coat that takes the more light the flatter it falls \[Ashikhmin2000\].
+    Substrate {
+        /// Diffuse reflectance.
+        kd: TextureRef,
+        /// Reflectance of the coat at normal incidence.
+        ks: TextureRef,
+        /// Roughness along u and v.
+        roughness: [TextureRef; 2],
+        /// See [`Material::Plastic`].
+        remap_roughness: bool,
+    },
+    /// Diffuse and glossy on both sides.
+    Translucent {
+        /// Diffuse part.
+        kd: TextureRef,
+        /// Glossy part.
+        ks: TextureRef,
+        /// How much of both is reflected.
+        reflect: TextureRef,
+        /// How much of both is transmitted.
+        transmit: TextureRef,
+        /// Roughness.
+        roughness: TextureRef,
+        /// See [`Material::Plastic`].
+        remap_roughness: bool,
+    },
+    /// Two materials at once.
+    Mix {
+        /// The share of the first, by colour.
+        amount: TextureRef,
+        /// Both.
+        parts: [Arc<Material>; 2],
+    },
+    /// A material on a surface that seems to be raised.
+    Bumped {
+        /// The material.
+        base: Arc<Material>,
+        /// By how much it is raised, in scene units.
+        height: TextureRef,
     },
     /// No surface: rays go straight through (pbrt's "" and "none").
     Interface,

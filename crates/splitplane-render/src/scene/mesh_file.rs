@@ -1,18 +1,20 @@
-//! A mesh file as a scene: PLY, OBJ or STL, grey, with a camera and light that suit it.
+//! A mesh file as a scene: PLY, OBJ or STL, with a camera and light that suit it.
 
 use std::collections::HashMap;
 use std::io::Cursor;
 use std::path::Path;
-use std::sync::Arc;
 
 use glam::DVec3;
 
-use super::geometry::{Geometry, Placed};
+use super::geometry::{Geometry, Placed, runs};
+use super::image_file::{Channels, Decoding, Images};
+use super::light::AreaLight;
+use super::material::Material;
 use super::polygon::triangulate;
+use super::texture::{ImageFilter, Mapping, Texture, TextureRef, Wrap};
 use super::view::{self, Up};
-use super::{Note, Scene, ply};
+use super::{Contents, Note, Scene, ply};
 use crate::error::SceneError;
-use crate::transform::Transform;
 
 /// The endings of the files that can be read, in lower case.
 pub(crate) const ENDINGS: &[&str] = &[".ply", ".ply.gz", ".obj", ".stl"];
@@ -23,47 +25,92 @@ pub(crate) fn is_mesh(path: &Path) -> bool {
     ENDINGS.iter().any(|ending| name.ends_with(ending))
 }
 
+/// What a mesh file gave.
+#[derive(Default)]
+struct Found {
+    pieces: Vec<Placed>,
+    materials: Vec<Material>,
+    colors: Vec<[f32; 3]>,
+    contents: Contents,
+    images: Images,
+    notes: Vec<Note>,
+    concave: usize,
+}
+
+impl Found {
+    fn plain(geometry: Geometry, concave: usize, format: &str) -> Self {
+        Found {
+            pieces: vec![Placed::plain(geometry, 0)],
+            materials: vec![view::matte([0.6; 3])],
+            contents: Contents {
+                format: format.to_owned(),
+                ..Contents::default()
+            },
+            concave,
+            ..Found::default()
+        }
+    }
+}
+
 /// Reads the mesh at `path` as a scene.
 pub(crate) fn load(path: &Path, name: &str) -> Result<Scene, SceneError> {
     let file = path.display().to_string();
     let lower = file.to_ascii_lowercase();
     let bytes = std::fs::read(path)
         .map_err(|error| SceneError::file(&file, format!("cannot be read: {error}")))?;
-    let (geometry, concave, usual_up) = if lower.ends_with(".obj") {
-        let mesh = obj(&file, &bytes)?;
-        (mesh.geometry, mesh.concave, Up::Y)
+    let (mut found, usual_up) = if lower.ends_with(".obj") {
+        (obj_scene(&file, path, &bytes)?, Up::Y)
     } else if lower.ends_with(".stl") {
-        (stl(&file, bytes)?, 0, Up::Z)
+        (Found::plain(stl(&file, bytes)?, 0, "STL"), Up::Z)
     } else {
         let mesh = ply::parse(&file, &bytes)?;
-        (mesh.geometry, mesh.concave, Up::Y)
+        drop(bytes);
+        let mut found = Found::plain(mesh.geometry, mesh.concave, "PLY");
+        if !mesh.colors.is_empty() {
+            found.materials = vec![Material::Matte {
+                kd: TextureRef::new(Texture::VertexColor),
+                sigma: view::color([0.0; 3]),
+            }];
+            found.colors = mesh.colors;
+        }
+        (found, Up::Y)
     };
-    if geometry.triangles.is_empty() {
+    if found.pieces.iter().all(|p| p.geometry.triangles.is_empty()) {
         return Err(SceneError::file(
             &file,
             "has no triangles; a mesh to look at has some",
         ));
     }
-    let mut notes = Vec::new();
-    if concave > 0 {
+    let mut notes = found.notes;
+    if found.concave > 0 {
         notes.push(Note {
             place: file.clone(),
-            text: format!("{concave} faces are not convex; triangulated by their ears"),
+            text: format!(
+                "{} faces are not convex; triangulated by their ears",
+                found.concave
+            ),
             warning: false,
         });
     }
+    for (path, reason) in found.images.read() {
+        notes.push(Note {
+            place: path.display().to_string(),
+            text: format!("the image cannot be read ({reason}); rendered white"),
+            warning: true,
+        });
+    }
+    let shines = found.pieces.iter().any(|piece| piece.area_light.is_some());
     notes.push(Note {
         place: file.clone(),
-        text: "a mesh has no camera, light or material; they were chosen to suit it".to_owned(),
+        text: if shines {
+            "a mesh has no camera; it was chosen to suit it".to_owned()
+        } else if lower.ends_with(".obj") {
+            "a mesh has no camera or light; they were chosen to suit it".to_owned()
+        } else {
+            "a mesh has no camera, light or material; they were chosen to suit it".to_owned()
+        },
         warning: false,
     });
-    let piece = Placed {
-        geometry: Arc::new(geometry),
-        to_world: Transform::IDENTITY,
-        reversed: false,
-        material: 0,
-        area_light: None,
-    };
     let fit = |mesh: &splitplane::Mesh| {
         let bounds = mesh.bounds();
         let up = Up::guessed(usual_up, &bounds);
@@ -72,13 +119,183 @@ pub(crate) fn load(path: &Path, name: &str) -> Result<Scene, SceneError> {
             Up::Y => (DVec3::new(0.62, 0.42, 0.8), DVec3::new(-0.3, 0.9, 0.6)),
             Up::Z => (DVec3::new(0.62, -0.8, 0.42), DVec3::new(-0.3, -0.6, 0.9)),
         };
+        let lights = if shines {
+            vec![]
+        } else {
+            view::daylight(towards_sun)
+        };
         (
             view::fitted(&bounds, mesh.positions(), towards_eye, up),
-            view::daylight(towards_sun),
+            lights,
         )
     };
-    view::scene(name, &[piece], vec![view::matte([0.6; 3])], fit, notes)
-        .map_err(|message| SceneError::file(&file, message))
+    let mut scene = view::scene(name, found.pieces, found.materials, fit, notes)
+        .map_err(|message| SceneError::file(&file, message))?;
+    found.contents.unique_triangles = scene.contents.unique_triangles;
+    found.contents.images = found.images.paths().map(Path::to_owned).collect();
+    scene.contents = found.contents;
+    scene.colors = found.colors;
+    Ok(scene)
+}
+
+/// Reads an OBJ file with the materials of its library files.
+fn obj_scene(file: &str, path: &Path, bytes: &[u8]) -> Result<Found, SceneError> {
+    let mesh = obj(file, bytes)?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let mut found = Found {
+        contents: Contents {
+            format: "OBJ".to_owned(),
+            ..Contents::default()
+        },
+        concave: mesh.concave,
+        ..Found::default()
+    };
+    let warn = |found: &mut Found, text: String| {
+        if found.notes.iter().all(|note| note.text != text) {
+            found.notes.push(Note {
+                place: file.to_owned(),
+                text,
+                warning: true,
+            });
+        }
+    };
+    let mut library: HashMap<String, tobj::Material> = HashMap::new();
+    for line in bytes.split(|&b| b == b'\n') {
+        let Some(name) = line.trim_ascii().strip_prefix(b"mtllib ") else {
+            continue;
+        };
+        let name = String::from_utf8_lossy(name.trim_ascii()).replace('\\', "/");
+        match tobj::load_mtl(folder.join(&name)) {
+            Ok((materials, _)) => {
+                library.extend(materials.into_iter().map(|m| (m.name.clone(), m)));
+            }
+            Err(error) => warn(
+                &mut found,
+                format!("the materials of \"{name}\" cannot be read ({error}); rendered grey"),
+            ),
+        }
+    }
+    let mut emitted = Vec::new();
+    let mut alphas = Vec::new();
+    for name in &mesh.material_names {
+        let (material, light, alpha) = match library.get(name) {
+            Some(material) => {
+                found.contents.count("material", "MTL");
+                mtl(material, folder, &mut found)
+            }
+            None => (view::matte([0.6; 3]), None, None),
+        };
+        found.materials.push(material);
+        emitted.push(light);
+        alphas.push(alpha);
+    }
+    if found.materials.is_empty() {
+        found.materials.push(view::matte([0.6; 3]));
+    }
+    for (material, own) in runs(&mesh.geometry, &mesh.materials) {
+        let number = material as usize;
+        let mut piece = Placed::plain(own, material.min(found.materials.len() as u32 - 1));
+        piece.area_light = emitted.get(number).cloned().flatten();
+        piece.alpha = alphas.get(number).cloned().flatten();
+        found.pieces.push(piece);
+    }
+    Ok(found)
+}
+
+type Made = (Material, Option<AreaLight>, Option<TextureRef>);
+
+/// A material of an OBJ's library, the light that it gives off, and where it is not there.
+fn mtl(m: &tobj::Material, folder: &Path, found: &mut Found) -> Made {
+    let mut image = |name: &str, channels: Channels| -> TextureRef {
+        // Options such as -bm come before the name.
+        let name = name.rsplit(' ').next().unwrap_or(name).replace('\\', "/");
+        let decoding = Decoding {
+            srgb: channels == Channels::Color,
+            channels,
+            wrap: Wrap::Repeat,
+        };
+        TextureRef::new(Texture::Image {
+            image: found.images.get(&folder.join(name), decoding),
+            mapping: Mapping::IDENTITY,
+            filter: ImageFilter::DEFAULT,
+            scale: 1.0,
+        })
+    };
+    // A factor of zero beside a map is a mistake of the file's writer.
+    let diffuse = m.diffuse.unwrap_or([0.6; 3]);
+    let kd = match &m.diffuse_texture {
+        Some(name) => {
+            let factor = if diffuse == [0.0; 3] {
+                [1.0; 3]
+            } else {
+                diffuse
+            };
+            TextureRef::new(Texture::Scale(
+                view::color(factor),
+                image(name, Channels::Color),
+            ))
+        }
+        None => view::color(diffuse),
+    };
+    let alpha = m.dissolve_texture.as_ref().map(|name| {
+        TextureRef::new(Texture::AtLeast {
+            texture: image(name, Channels::Luminance),
+            threshold: 0.5,
+        })
+    });
+    let specular = m.specular.unwrap_or([0.0; 3]);
+    let width = (2.0 / (m.shininess.unwrap_or(10.0).max(0.0) + 2.0)).sqrt();
+    let roughness = || [view::color([width; 3]), view::color([width; 3])];
+    let opacity = m.dissolve.unwrap_or(1.0);
+    let model = m.illumination_model.unwrap_or(2);
+    let index = m.optical_density.filter(|&n| n > 1.0).unwrap_or(1.5);
+    let material = if opacity < 1.0 && matches!(model, 4 | 6 | 7 | 9) {
+        Material::Glass {
+            kr: view::color([1.0; 3]),
+            kt: view::color([1.0; 3]),
+            eta: view::color([index; 3]),
+            roughness: [view::color([0.0; 3]), view::color([0.0; 3])],
+            remap_roughness: false,
+        }
+    } else if opacity < 1.0 {
+        Material::Uber {
+            kd,
+            ks: view::color(specular),
+            kr: view::color([0.0; 3]),
+            kt: view::color([0.0; 3]),
+            roughness: roughness(),
+            opacity: view::color([opacity; 3]),
+            eta: view::color([index; 3]),
+            remap_roughness: false,
+        }
+    } else if specular == [0.0; 3] || model < 2 {
+        Material::Matte {
+            kd,
+            sigma: view::color([0.0; 3]),
+        }
+    } else {
+        Material::Substrate {
+            kd,
+            ks: view::color(specular),
+            roughness: roughness(),
+            remap_roughness: false,
+        }
+    };
+    let numbers = m.unknown_param.get("Ke").map(|text| {
+        let words = text.split_whitespace();
+        words
+            .filter_map(|w| w.parse::<f32>().ok())
+            .collect::<Vec<_>>()
+    });
+    let light = match numbers.as_deref() {
+        Some(&[r, g, b]) if r.max(g).max(b) > 0.0 && (r + g + b).is_finite() => Some(AreaLight {
+            radiance: [r, g, b].map(|c| c.max(0.0)),
+            two_sided: false,
+            after: 0,
+        }),
+        _ => None,
+    };
+    (material, light, alpha)
 }
 
 /// What an OBJ file holds.
@@ -88,7 +305,7 @@ pub(crate) struct ObjMesh {
     /// The names of its materials, in the order of their first use.
     pub(crate) material_names: Vec<String>,
     /// Per triangle, an index into the names.
-    pub(crate) materials: Vec<u8>,
+    pub(crate) materials: Vec<u32>,
     /// Faces of more than three vertices that are not convex.
     pub(crate) concave: usize,
 }
@@ -100,7 +317,7 @@ pub(crate) fn obj(name: &str, bytes: &[u8]) -> Result<ObjMesh, SceneError> {
         let line = line.trim_ascii();
         if let Some(material) = line.strip_prefix(b"usemtl ") {
             let material = String::from_utf8_lossy(material.trim_ascii()).into_owned();
-            if !mesh.material_names.contains(&material) && mesh.material_names.len() < 255 {
+            if !mesh.material_names.contains(&material) {
                 mesh.material_names.push(material);
             }
         }
@@ -181,7 +398,7 @@ pub(crate) fn obj(name: &str, bytes: &[u8]) -> Result<ObjMesh, SceneError> {
             }
             mesh.concave += usize::from(triangulate(&g.positions, &face, &mut g.triangles));
         }
-        let material = part.material_id.unwrap_or(0).min(255) as u8;
+        let material = part.material_id.unwrap_or(0) as u32;
         mesh.materials.resize(g.triangles.len(), material);
     }
     Ok(mesh)

@@ -7,12 +7,15 @@ pub mod material;
 pub mod settings;
 pub mod texture;
 
+mod curve;
 mod geometry;
+mod gltf_file;
 mod image_file;
 mod mesh_file;
 mod pbrt;
 mod ply;
 mod polygon;
+mod pyramid;
 mod subdivide;
 mod tessellate;
 mod view;
@@ -27,6 +30,7 @@ use camera::Camera;
 use light::{AreaLight, Light};
 use material::Material;
 use settings::{Film, Filter, Integrator, Sampler};
+use texture::TextureRef;
 
 use crate::error::SceneError;
 
@@ -44,6 +48,9 @@ pub struct Scene {
     /// Texture coordinates, one per vertex of the mesh; only those of a shape with
     /// [`Shape::has_uvs`] mean anything. Empty where no shape has any.
     pub uvs: Vec<[f32; 2]>,
+    /// Colours, one per vertex of the mesh, linear RGB, for [`texture::Texture::VertexColor`].
+    /// Empty where there are none.
+    pub colors: Vec<[f32; 3]>,
     /// What the triangles belong to: consecutive ranges that cover the mesh, in order.
     pub shapes: Vec<Shape>,
     /// The materials that shapes name.
@@ -63,6 +70,8 @@ pub struct Scene {
     /// The tree that the file asks for, as it is named there, with its directions: "kd",
     /// "wn+kd:6".
     pub accelerator: Option<String>,
+    /// What the file holds.
+    pub contents: Contents,
     /// What was approximated or could not be used, each once per kind, with its place; and what
     /// was tessellated and how finely.
     pub notes: Vec<Note>,
@@ -85,6 +94,58 @@ pub struct Shape {
     /// handedness; not both). Where there are shading normals, those decide instead, as in pbrt-v3:
     /// geometric normals point to their side (ReverseOrientation is applied to them already).
     pub flip_normals: bool,
+    /// What the triangles stand for.
+    pub surface: Surface,
+    /// Where this texture is 0 there is no surface, for any ray.
+    pub alpha: Option<TextureRef>,
+    /// Where this texture is 0 there is no surface for shadow rays.
+    pub shadow_alpha: Option<TextureRef>,
+}
+
+/// What the triangles of a shape stand for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Surface {
+    /// Themselves.
+    Flat,
+    /// A curved surface: tangents follow it.
+    Curved,
+    /// A sphere; where it shines it is one light, not one a triangle.
+    Sphere {
+        /// In world space.
+        center: [f32; 3],
+        /// In world space.
+        radius: f32,
+    },
+    /// A disk; where it shines it is one light.
+    Disk {
+        /// In world space.
+        center: [f32; 3],
+        /// From the centre to two points of the edge, in world space.
+        axes: [[f32; 3]; 2],
+    },
+}
+
+/// What a scene's file holds, for people.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Contents {
+    /// What the file is, e.g. `pbrt-v3`.
+    pub format: String,
+    /// How many there are of each kind of thing, e.g. `shape` and `sphere`.
+    pub kinds: BTreeMap<(&'static str, String), u64>,
+    /// Triangles of all shapes, those of an object once.
+    pub unique_triangles: u64,
+    /// Copies of objects in the scene.
+    pub instances: u64,
+    /// Triangles of those copies.
+    pub instanced_triangles: u64,
+    /// Images that are there, in the order of their first use.
+    pub images: Vec<PathBuf>,
+}
+
+impl Contents {
+    pub(crate) fn count(&mut self, what: &'static str, kind: &str) {
+        *self.kinds.entry((what, kind.to_owned())).or_default() += 1;
+    }
 }
 
 /// Something that a reader of the scene's picture or figures should know.
@@ -110,8 +171,8 @@ pub struct LoadOptions {
     pub subdivision_levels: Option<u32>,
 }
 
-/// Reads a scene: a file of pbrt-v3 (`.pbrt`), a mesh (`.ply`, `.ply.gz`, `.obj`, `.stl`), or a
-/// scene by its name; see [`library`].
+/// Reads a scene: a file of pbrt-v3 or pbrt-v4 (`.pbrt`, `.pbrt.gz`), of glTF 2.0 (`.gltf`, `.glb`),
+/// a mesh (`.ply`, `.ply.gz`, `.obj`, `.stl`), or a scene by its name; see [`library`].
 ///
 /// # Errors
 /// There is no such scene, or its files are wrong; the error tells where, and what would be
@@ -120,6 +181,9 @@ pub fn load(name_or_path: &str, options: &LoadOptions) -> Result<Scene, SceneErr
     let search = library::search_path(&options.search);
     match library::resolve(name_or_path, &search)? {
         library::Resolved::BuiltIn { name, size } => library::build(name, size),
+        library::Resolved::File { path, name } if gltf_file::is_gltf(&path) => {
+            gltf_file::load(&path, &name)
+        }
         library::Resolved::File { path, name } if mesh_file::is_mesh(&path) => {
             mesh_file::load(&path, &name)
         }

@@ -1,6 +1,7 @@
 //! PLY files: ASCII or binary, as they are or compressed by gzip.
 
-use std::io::Read;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use ply_rs_bw::parser::{Parser, Reader};
@@ -17,6 +18,8 @@ use crate::error::SceneError;
 #[derive(Clone, Debug, Default)]
 pub(crate) struct PlyMesh {
     pub(crate) geometry: Geometry,
+    /// Linear RGB, one per vertex; empty where vertices have none.
+    pub(crate) colors: Vec<[f32; 3]>,
     /// Per triangle, the face property `material`; empty where faces have none.
     pub(crate) materials: Vec<u8>,
     /// Faces of more than three vertices that are not convex.
@@ -29,21 +32,77 @@ pub(crate) struct PlyMesh {
 /// The file cannot be read, is no PLY file, ends early, or names a vertex that does not exist.
 pub(crate) fn read(path: &Path) -> Result<PlyMesh, SceneError> {
     let name = path.display().to_string();
-    let bytes = std::fs::read(path)
-        .map_err(|error| SceneError::file(&name, format!("cannot be read: {error}")))?;
-    parse(&name, &bytes)
+    let wrong = |error: std::io::Error| SceneError::file(&name, format!("cannot be read: {error}"));
+    let file = File::open(path).map_err(wrong)?;
+    let length = file.metadata().map_err(wrong)?.len();
+    parse_from(&name, file, usize::try_from(length).unwrap_or(usize::MAX))
 }
 
 /// Reads the content of a file, which messages call `name`.
 pub(crate) fn parse(name: &str, bytes: &[u8]) -> Result<PlyMesh, SceneError> {
-    if bytes.starts_with(&[0x1f, 0x8b]) {
-        let mut plain = Vec::new();
-        flate2::read::MultiGzDecoder::new(bytes)
-            .read_to_end(&mut plain)
-            .map_err(|error| SceneError::file(name, format!("cannot be decompressed: {error}")))?;
-        return parse_plain(name, &plain);
+    parse_from(name, bytes, bytes.len())
+}
+
+/// The longest header that is read.
+const LONGEST_HEADER: usize = 1 << 20;
+
+/// Reads `length` bytes, as they are or compressed. Files of the usual layout are read as they
+/// come, never whole.
+fn parse_from(name: &str, source: impl Read, length: usize) -> Result<PlyMesh, SceneError> {
+    let wrong = |error: std::io::Error| SceneError::file(name, format!("cannot be read: {error}"));
+    let mut source = BufReader::with_capacity(1 << 16, source);
+    if source.fill_buf().map_err(wrong)?.starts_with(&[0x1f, 0x8b]) {
+        // Deflate makes at most some thousand times as much of it.
+        let most = length.saturating_mul(1032);
+        let plain = flate2::bufread::MultiGzDecoder::new(source);
+        return parse_stream(name, &mut BufReader::with_capacity(1 << 16, plain), most);
     }
-    parse_plain(name, bytes)
+    parse_stream(name, &mut source, length)
+}
+
+fn parse_stream(
+    name: &str,
+    source: &mut impl BufRead,
+    length: usize,
+) -> Result<PlyMesh, SceneError> {
+    let wrong = |error: std::io::Error| SceneError::file(name, format!("cannot be read: {error}"));
+    let mut head = Vec::new();
+    while !head.ends_with(b"end_header\n") && !head.ends_with(b"end_header\r\n") {
+        let room = (LONGEST_HEADER - head.len().min(LONGEST_HEADER)) as u64;
+        let read = Read::by_ref(source)
+            .take(room)
+            .read_until(b'\n', &mut head)
+            .map_err(wrong)?;
+        if read == 0 {
+            break;
+        }
+    }
+    let header = Parser::<Row>::new().read_header(&mut Reader::new(head.as_slice()));
+    if let Ok(header) = header
+        && counts_fit(name, &header, length).is_ok()
+        && let Some(mesh) = quick(name, &header, source)?
+    {
+        return Ok(mesh);
+    }
+    source.read_to_end(&mut head).map_err(wrong)?;
+    parse_plain(name, &head)
+}
+
+/// That a file does not announce more than its bytes can hold; also keeps elements without
+/// properties from being counted to the end of time.
+fn counts_fit(name: &str, header: &Header, length: usize) -> Result<(), SceneError> {
+    for (_, element) in &header.elements {
+        if element.count > length {
+            return Err(SceneError::file(
+                name,
+                format!(
+                    "announces {} of \"{}\", more than fit into the file's {length} bytes",
+                    element.count, element.name,
+                ),
+            ));
+        }
+    }
+    Ok(())
 }
 
 fn parse_plain(name: &str, bytes: &[u8]) -> Result<PlyMesh, SceneError> {
@@ -62,23 +121,7 @@ fn parse_plain(name: &str, bytes: &[u8]) -> Result<PlyMesh, SceneError> {
     let parser = Parser::<Row>::new();
     let mut reader = Reader::new(bytes);
     let header = parser.read_header(&mut reader).map_err(wrong)?;
-    for (_, element) in &header.elements {
-        // Also keeps elements without properties from being counted to the end of time.
-        if element.count > bytes.len() {
-            return Err(SceneError::file(
-                name,
-                format!(
-                    "announces {} of \"{}\", more than fit into the file's {} bytes",
-                    element.count,
-                    element.name,
-                    bytes.len()
-                ),
-            ));
-        }
-    }
-    if let Some(mesh) = quick(name, &header, reader.get_ref())? {
-        return Ok(mesh);
-    }
+    counts_fit(name, &header, bytes.len())?;
     let mut mesh = PlyMesh::default();
     let mut faces = Vec::new();
     for (_, element) in &header.elements {
@@ -96,6 +139,17 @@ fn parse_plain(name: &str, bytes: &[u8]) -> Result<PlyMesh, SceneError> {
                 }
                 if UV_NAMES.iter().any(|names| has(*names)) {
                     g.uvs = rows.iter().map(|row| row.uv).collect();
+                }
+                if has(["red", "green"]) && element.properties.contains_key("blue") {
+                    let bytes = |name: &str| {
+                        element
+                            .properties
+                            .get(name)
+                            .is_some_and(|p| p.data_type == PropertyType::Scalar(ScalarType::UChar))
+                    };
+                    let scale = if bytes("red") { 1.0 / 255.0 } else { 1.0 };
+                    let linear = |c: f32| super::image_file::linear(c * scale);
+                    mesh.colors = rows.iter().map(|row| row.color.map(linear)).collect();
                 }
             }
             "face" => faces = rows,
@@ -178,6 +232,7 @@ struct Row {
     position: [f32; 3],
     normal: [f32; 3],
     uv: [f32; 2],
+    color: [f32; 3],
     indices: Vec<i64>,
     material: Option<u8>,
 }
@@ -195,6 +250,9 @@ impl PropertyAccess for Row {
             "nx" => &mut self.normal[0],
             "ny" => &mut self.normal[1],
             "nz" => &mut self.normal[2],
+            "red" => &mut self.color[0],
+            "green" => &mut self.color[1],
+            "blue" => &mut self.color[2],
             "u" | "s" | "texture_u" | "texture_s" => &mut self.uv[0],
             "v" | "t" | "texture_v" | "texture_t" => &mut self.uv[1],
             "material" => {
@@ -228,8 +286,12 @@ impl PropertyAccess for Row {
 
 /// Reads the layout that nearly all binary files have: vertices of floats, faces of one list of
 /// 32-bit indices with a count of 8 bits (and a material of 8 bits); `None` where the file has
-/// another.
-fn quick(name: &str, header: &Header, payload: &[u8]) -> Result<Option<PlyMesh>, SceneError> {
+/// another. `payload` is what follows the header; of it nothing is read in that case.
+fn quick(
+    name: &str,
+    header: &Header,
+    payload: &mut impl BufRead,
+) -> Result<Option<PlyMesh>, SceneError> {
     if header.encoding != Encoding::BinaryLittleEndian {
         return Ok(None);
     }
@@ -277,59 +339,59 @@ fn quick(name: &str, header: &Header, payload: &[u8]) -> Result<Option<PlyMesh>,
     let short = |what: &str, index: usize| {
         SceneError::file(name, format!("the file ends within {what} {index}"))
     };
-    let bytes_per_vertex = 4 * floats;
-    let size = vertex.count.saturating_mul(bytes_per_vertex);
-    let Some((vertices, mut rest)) = payload.split_at_checked(size) else {
-        return Err(short("vertex", payload.len() / bytes_per_vertex));
-    };
+    let too_many = || SceneError::file(name, "does not fit into memory");
     let mut mesh = PlyMesh::default();
     let g = &mut mesh.geometry;
-    g.positions.reserve_exact(vertex.count);
-    g.normals
-        .reserve_exact(if has_normals { vertex.count } else { 0 });
-    g.uvs.reserve_exact(if has_uvs { vertex.count } else { 0 });
-    for bytes in vertices.chunks_exact(bytes_per_vertex) {
-        let at = |i: usize| {
-            let bytes = [
-                bytes[4 * i],
-                bytes[4 * i + 1],
-                bytes[4 * i + 2],
-                bytes[4 * i + 3],
-            ];
-            f32::from_le_bytes(bytes)
-        };
-        g.positions.push([at(0), at(1), at(2)]);
+    let reserved = g.positions.try_reserve_exact(vertex.count).is_ok()
+        && (!has_normals || g.normals.try_reserve_exact(vertex.count).is_ok())
+        && (!has_uvs || g.uvs.try_reserve_exact(vertex.count).is_ok())
+        && g.triangles.try_reserve_exact(face.count).is_ok();
+    if !reserved {
+        return Err(too_many());
+    }
+    // A vertex has at most eight floats.
+    let mut bytes = [0; 32];
+    let bytes = &mut bytes[..4 * floats];
+    for index in 0..vertex.count {
+        payload
+            .read_exact(bytes)
+            .map_err(|_| short("vertex", index))?;
+        let mut numbers = [0.0; 8];
+        for (number, bytes) in numbers.iter_mut().zip(bytes.chunks_exact(4)) {
+            *number = f32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+        }
+        g.positions.push([numbers[0], numbers[1], numbers[2]]);
         if has_normals {
-            g.normals.push([at(3), at(4), at(5)]);
+            g.normals.push([numbers[3], numbers[4], numbers[5]]);
         }
         if has_uvs {
-            g.uvs.push([at(after_normals), at(after_normals + 1)]);
+            g.uvs
+                .push([numbers[after_normals], numbers[after_normals + 1]]);
         }
     }
-    g.triangles.reserve_exact(face.count);
     let mut indices = Vec::with_capacity(255);
+    let mut list = [0; 4 * 255];
     for index in 0..face.count {
-        let Some((&count, after)) = rest.split_first() else {
-            return Err(short("face", index));
-        };
-        let Some((list, after)) = after.split_at_checked(4 * usize::from(count)) else {
-            return Err(short("face", index));
-        };
+        let mut count = [0];
+        payload
+            .read_exact(&mut count)
+            .map_err(|_| short("face", index))?;
+        let list = &mut list[..4 * usize::from(count[0])];
+        payload.read_exact(list).map_err(|_| short("face", index))?;
         indices.clear();
         indices.extend(
             list.chunks_exact(4)
                 .map(|b| i64::from(u32::from_le_bytes([b[0], b[1], b[2], b[3]]))),
         );
-        let material = match (has_material, after.split_first()) {
-            (false, _) => {
-                rest = after;
-                None
+        let material = match has_material {
+            false => None,
+            true => {
+                let mut material = [0];
+                payload
+                    .read_exact(&mut material)
+                    .map_err(|_| short("face", index))?;
+                Some(material[0])
             }
-            (true, Some((&material, after))) => {
-                rest = after;
-                Some(material)
-            }
-            (true, None) => return Err(short("face", index)),
         };
         mesh.face(name, index, &indices, material)?;
     }

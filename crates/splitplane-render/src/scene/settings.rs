@@ -44,6 +44,13 @@ pub enum Filter {
         /// Its parameter C.
         c: f32,
     },
+    /// A sinc, windowed by another.
+    Sinc {
+        /// Half the width.
+        radius: [f32; 2],
+        /// Lobes within half the width.
+        tau: f32,
+    },
 }
 
 /// Where samples come from.
@@ -62,6 +69,22 @@ pub enum SamplerKind {
     Halton {
         /// The samples of every pixel lie at its centre.
         sample_at_center: bool,
+    },
+    /// Sobol's sequence, spread over the picture.
+    Sobol,
+    /// A sample in each cell of a grid over the pixel, and of further dimensions.
+    Stratified {
+        /// Cells in x; as many samples as cells make the rows.
+        columns: u32,
+        /// At random in the cell; otherwise in its middle.
+        jitter: bool,
+        /// How many dimensions, of single numbers and of pairs, are stratified.
+        dimensions: u32,
+    },
+    /// A (0, 2)-sequence in each pixel.
+    ZeroTwo {
+        /// As for [`SamplerKind::Stratified`].
+        dimensions: u32,
     },
     /// Independent random numbers.
     Random,
@@ -85,6 +108,12 @@ pub enum Integrator {
         max_depth: u32,
         /// Every light is sampled; otherwise one, at random.
         all_lights: bool,
+    },
+    /// Whitted's: direct light from directions that the lights choose, with perfect reflection and
+    /// transmission followed.
+    Whitted {
+        /// The most specular bounces.
+        max_depth: u32,
     },
     /// Ambient occlusion.
     AmbientOcclusion {

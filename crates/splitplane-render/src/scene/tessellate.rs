@@ -1,6 +1,6 @@
 //! Curved surfaces as triangles. Vertices lie on the surface, normals are those of the surface.
 
-use super::geometry::Geometry;
+use super::geometry::{Geometry, LocalSurface};
 
 /// A point of a surface and its normal there.
 pub(crate) type Point = ([f64; 3], [f64; 3]);
@@ -34,6 +34,15 @@ pub(crate) fn grid(segments: Segments, at: impl Fn(f64, f64) -> Point) -> Geomet
         }
     }
     let row = nu + 1;
+    // At a pole each vertex belongs to one triangle: it gets the middle of that triangle's u.
+    for (first, shift) in [(0, 0.5), (nv * row, -0.5)] {
+        let ring = first as usize..(first + row) as usize;
+        if g.positions[ring.clone()].windows(2).all(|p| p[0] == p[1]) {
+            for uv in &mut g.uvs[ring] {
+                uv[0] += shift / nu as f32;
+            }
+        }
+    }
     for j in 0..nv {
         for i in 0..nu {
             let a = j * row + i;
@@ -89,8 +98,8 @@ impl Quadric {
         let u = (f64::from(around) * phi_max / turn).ceil().max(3.0) as u32;
         let v = match self {
             Quadric::Sphere { .. } => around / 2,
-            Quadric::Cylinder { .. } | Quadric::Disk { .. } => 1,
-            Quadric::Cone { .. } => around / 8,
+            Quadric::Cylinder { .. } => 1,
+            Quadric::Disk { .. } | Quadric::Cone { .. } => around / 8,
             Quadric::Paraboloid { .. } | Quadric::Hyperboloid { .. } => around / 4,
         };
         let segments = Segments { u, v: v.max(1) };
@@ -104,6 +113,26 @@ impl Quadric {
             (turned(px, py, pz), turned(nx, ny, nz))
         };
         (grid(segments, at), segments)
+    }
+
+    /// What the surface is known as, where all of it is there.
+    pub(crate) fn surface(self, phi_max: f64) -> LocalSurface {
+        if phi_max < std::f64::consts::TAU {
+            return LocalSurface::Curved;
+        }
+        match self {
+            Quadric::Sphere {
+                radius,
+                z_min,
+                z_max,
+            } if z_min <= -radius && z_max >= radius => LocalSurface::Sphere { radius },
+            Quadric::Disk {
+                radius,
+                inner_radius: 0.0,
+                height,
+            } => LocalSurface::Disk { radius, height },
+            _ => LocalSurface::Curved,
+        }
     }
 
     /// The point and the normal at `v` where the angle is 0.

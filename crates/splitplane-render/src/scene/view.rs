@@ -3,13 +3,13 @@
 use glam::{DMat4, DVec3, Vec3};
 use splitplane::Aabb;
 
-use super::camera::Camera;
+use super::camera::{Camera, Projection};
 use super::geometry::{Placed, assemble};
 use super::light::Light;
 use super::material::{Material, TextureRef};
 use super::settings::{Film, Filter, Integrator, LightStrategy, Sampler, SamplerKind};
 use super::texture::Texture;
-use super::{Note, Scene};
+use super::{Contents, Note, Scene};
 use crate::transform::Transform;
 
 /// Which way is up.
@@ -61,6 +61,7 @@ pub(crate) fn look(eye: DVec3, target: DVec3, up: DVec3, fov: f32) -> Camera {
     );
     Camera {
         camera_to_world: Transform::from_matrix(matrix).unwrap_or(Transform::IDENTITY),
+        projection: Projection::Perspective,
         fov,
         screen_window: None,
         frame_aspect_ratio: None,
@@ -114,9 +115,7 @@ pub(crate) fn fitted(bounds: &Aabb, points: &[[f32; 3]], towards_eye: DVec3, up:
 /// A clear sky and a sun; `towards_sun` need not have unit length.
 pub(crate) fn daylight(towards_sun: DVec3) -> Vec<Light> {
     vec![
-        Light::Infinite {
-            radiance: [0.55, 0.64, 0.78],
-        },
+        Light::sky([0.55, 0.64, 0.78]),
         Light::Distant {
             towards: towards_sun.normalize_or(DVec3::Y).as_vec3().into(),
             radiance: [2.9, 2.6, 2.2],
@@ -143,18 +142,23 @@ pub(crate) fn matte(value: [f32; 3]) -> Material {
 /// A message, where the pieces do not fit into a mesh.
 pub(crate) fn scene(
     name: &str,
-    pieces: &[Placed],
+    pieces: Vec<Placed>,
     materials: Vec<Material>,
     view: impl FnOnce(&splitplane::Mesh) -> (Camera, Vec<Light>),
     notes: Vec<Note>,
 ) -> Result<Scene, String> {
     let assembled = assemble(pieces)?;
     let (camera, lights) = view(&assembled.mesh);
+    let contents = Contents {
+        unique_triangles: assembled.mesh.triangles().len() as u64,
+        ..Contents::default()
+    };
     Ok(Scene {
         name: name.to_owned(),
         mesh: assembled.mesh,
         normals: assembled.normals,
         uvs: assembled.uvs,
+        colors: vec![],
         shapes: assembled.shapes,
         materials,
         lights,
@@ -179,6 +183,7 @@ pub(crate) fn scene(
             light_strategy: LightStrategy::Spatial,
         },
         accelerator: None,
+        contents,
         notes,
     })
 }

@@ -5,14 +5,14 @@ use std::sync::Arc;
 
 use splitplane::{BuildParams, Mesh, Tree};
 use splitplane_render::render::{RenderSettings, Rendered, render};
-use splitplane_render::scene::camera::Camera;
+use splitplane_render::scene::camera::{Camera, Projection};
 use splitplane_render::scene::light::{AreaLight, Light};
 use splitplane_render::scene::material::{Material, TextureRef};
 use splitplane_render::scene::settings::{
     Film, Filter, Integrator, LightStrategy, Sampler, SamplerKind,
 };
 use splitplane_render::scene::texture::Texture;
-use splitplane_render::scene::{Scene, Shape};
+use splitplane_render::scene::{Contents, Scene, Shape, Surface};
 use splitplane_render::transform::Transform;
 
 pub(crate) fn grey(value: f32) -> TextureRef {
@@ -80,6 +80,7 @@ impl Part {
         self.area_light = Some(AreaLight {
             radiance: [radiance; 3],
             two_sided: false,
+            after: 0,
         });
         self.flip_normals = flip_normals;
         self
@@ -101,6 +102,9 @@ pub(crate) fn scene(parts: Vec<Part>, lights: Vec<Light>, fov: f32) -> Scene {
             has_normals: false,
             has_uvs: false,
             flip_normals: part.flip_normals,
+            surface: Surface::Flat,
+            alpha: None,
+            shadow_alpha: None,
         });
         materials.push(part.material);
     }
@@ -109,11 +113,13 @@ pub(crate) fn scene(parts: Vec<Part>, lights: Vec<Light>, fov: f32) -> Scene {
         mesh: Mesh::new(positions, triangles).unwrap(),
         normals: vec![],
         uvs: vec![],
+        colors: vec![],
         shapes,
         materials,
         lights,
         camera: Camera {
             camera_to_world: Transform::IDENTITY,
+            projection: Projection::Perspective,
             fov,
             screen_window: None,
             frame_aspect_ratio: None,
@@ -136,6 +142,7 @@ pub(crate) fn scene(parts: Vec<Part>, lights: Vec<Light>, fov: f32) -> Scene {
         },
         integrator: path(5),
         accelerator: None,
+        contents: Contents::default(),
         notes: vec![],
     }
 }

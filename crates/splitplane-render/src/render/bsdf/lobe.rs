@@ -2,13 +2,13 @@
 //!
 //! Directions point away from the surface, in the frame where the shading normal is z.
 
-use std::f32::consts::FRAC_1_PI;
+use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::{Vec2, Vec3};
 
 use super::fresnel::{Fresnel, dielectric, refract};
 use super::microfacet::{TrowbridgeReitz, azimuth};
-use crate::render::sampling::{cosine_hemisphere, cosine_hemisphere_pdf};
+use crate::render::sampling::{ONE_MINUS_EPSILON, cosine_hemisphere, cosine_hemisphere_pdf};
 
 /// Kinds of scattering, as a set of bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -48,6 +48,16 @@ pub(super) enum Lobe {
         r: Vec3,
         a: f32,
         b: f32,
+    },
+    /// Diffuse to the other side.
+    LambertTransmission {
+        t: Vec3,
+    },
+    /// Diffuse under a coat [Ashikhmin2000].
+    Coated {
+        d: Vec3,
+        s: Vec3,
+        facets: TrowbridgeReitz,
     },
     SpecularReflection {
         r: Vec3,
@@ -104,6 +114,8 @@ impl Lobe {
     pub(super) fn kinds(&self) -> Kinds {
         match self {
             Lobe::Lambert { .. } | Lobe::OrenNayar { .. } => Kinds::REFLECTION.and(Kinds::DIFFUSE),
+            Lobe::LambertTransmission { .. } => Kinds::TRANSMISSION.and(Kinds::DIFFUSE),
+            Lobe::Coated { .. } => Kinds::REFLECTION.and(Kinds::GLOSSY),
             Lobe::SpecularReflection { .. } => Kinds::REFLECTION.and(Kinds::SPECULAR),
             Lobe::SpecularTransmission { .. } => Kinds::TRANSMISSION.and(Kinds::SPECULAR),
             Lobe::FresnelSpecular { .. } => Kinds::REFLECTION
@@ -119,6 +131,8 @@ impl Lobe {
         match *self {
             Lobe::Lambert { r } => r * FRAC_1_PI,
             Lobe::OrenNayar { r, a, b } => r * FRAC_1_PI * (a + b * oren_nayar(wo, wi)),
+            Lobe::LambertTransmission { t } => t * FRAC_1_PI,
+            Lobe::Coated { d, s, facets } => coated(wo, wi, d, s, facets),
             Lobe::MicrofacetReflection { r, facets, fresnel } => {
                 let (cos_o, cos_i) = (wo.z.abs(), wi.z.abs());
                 let wh = wi + wo;
@@ -127,8 +141,8 @@ impl Lobe {
                 }
                 let wh = wh.normalize();
                 let reflected = fresnel.evaluate(wi.dot(if wh.z < 0.0 { -wh } else { wh }));
-                r * (facets.density(wh) * facets.visible_from_both(wo, wi) * reflected
-                    / (4.0 * cos_i * cos_o))
+                let shown = facets.density(wh) * facets.visible_from_both(wo, wi);
+                r * (shown * reflected / (4.0 * cos_i * cos_o))
             }
             Lobe::MicrofacetTransmission {
                 t,
@@ -170,6 +184,21 @@ impl Lobe {
                 } else {
                     0.0
                 }
+            }
+            Lobe::LambertTransmission { .. } => {
+                if same_side(wo, wi) {
+                    0.0
+                } else {
+                    cosine_hemisphere_pdf(wi.z.abs())
+                }
+            }
+            Lobe::Coated { facets, .. } => {
+                if !same_side(wo, wi) {
+                    return 0.0;
+                }
+                let wh = (wo + wi).normalize_or_zero();
+                let glossy = facets.pdf(wo, wh) / (4.0 * wo.dot(wh));
+                0.5 * (cosine_hemisphere_pdf(wi.z.abs()) + glossy)
             }
             Lobe::MicrofacetReflection { facets, .. } => {
                 if !same_side(wo, wi) {
@@ -219,6 +248,27 @@ impl Lobe {
                     wi.z = -wi.z;
                 }
                 Some(drawn(wi))
+            }
+            Lobe::LambertTransmission { .. } => {
+                let mut wi = cosine_hemisphere(u);
+                if wo.z > 0.0 {
+                    wi.z = -wi.z;
+                }
+                Some(drawn(wi))
+            }
+            Lobe::Coated { facets, .. } => {
+                if u.x < 0.5 {
+                    let u = Vec2::new((2.0 * u.x).min(ONE_MINUS_EPSILON), u.y);
+                    let mut wi = cosine_hemisphere(u);
+                    if wo.z < 0.0 {
+                        wi.z = -wi.z;
+                    }
+                    return Some(drawn(wi));
+                }
+                let u = Vec2::new((2.0 * (u.x - 0.5)).min(ONE_MINUS_EPSILON), u.y);
+                let wh = facets.sample(wo, u);
+                let wi = -wo + 2.0 * wo.dot(wh) * wh;
+                same_side(wo, wi).then(|| drawn(wi))
             }
             Lobe::MicrofacetReflection { facets, .. } => {
                 let wh = facets.sample(wo, u);
@@ -288,6 +338,22 @@ impl Lobe {
             }
         }
     }
+}
+
+/// The value of [`Lobe::Coated`] [Ashikhmin2000].
+fn coated(wo: Vec3, wi: Vec3, d: Vec3, s: Vec3, facets: TrowbridgeReitz) -> Vec3 {
+    let pow5 = |x: f32| (x * x) * (x * x) * x;
+    let (cos_o, cos_i) = (wo.z.abs(), wi.z.abs());
+    let diffuse = 28.0 / (23.0 * PI)
+        * d
+        * (Vec3::ONE - s)
+        * ((1.0 - pow5(1.0 - 0.5 * cos_i)) * (1.0 - pow5(1.0 - 0.5 * cos_o)));
+    let Some(wh) = (wi + wo).try_normalize() else {
+        return Vec3::ZERO;
+    };
+    let cos_h = wi.dot(wh);
+    let schlick = s + pow5(1.0 - cos_h) * (Vec3::ONE - s);
+    diffuse + facets.density(wh) / (4.0 * cos_h.abs() * cos_i.max(cos_o)) * schlick
 }
 
 pub(super) fn same_side(a: Vec3, b: Vec3) -> bool {

@@ -10,17 +10,38 @@ use crate::render::interaction::Interaction;
 use crate::render::texture::evaluate;
 use crate::scene::material::{Material, TextureRef};
 
-/// How `material` scatters at a hit; `None` where it does not and rays go straight through.
+/// How `material` scatters at a hit; `None` where it does not and rays go straight through. A bump
+/// map turns the hit's frame.
 ///
 /// `one_lobe_glass`: smooth glass is a single lobe that chooses between reflection and
 /// transmission, rather than one of each.
 pub(in crate::render) fn bsdf_of(
     material: &Material,
-    at: &Interaction,
+    at: &mut Interaction,
     one_lobe_glass: bool,
 ) -> Option<Bsdf> {
-    let colour = |texture: &TextureRef| evaluate(texture, at.uv).max(Vec3::ZERO);
-    let number = |texture: &TextureRef| evaluate(texture, at.uv).x;
+    match material {
+        Material::Bumped { base, height } => {
+            at.bump(|spot| evaluate(height, spot).x);
+            return bsdf_of(base, at, one_lobe_glass);
+        }
+        Material::Mix { amount, parts } => {
+            let first = evaluate(amount, &at.spot()).max(Vec3::ZERO);
+            let second = (Vec3::ONE - first).max(Vec3::ZERO);
+            // Each part has its own bumps; the frame is that of the first.
+            let mut own = *at;
+            let mut bsdf = bsdf_of(&parts[0], at, one_lobe_glass)?;
+            let mut other = bsdf_of(&parts[1], &mut own, one_lobe_glass)?;
+            bsdf.scale(first);
+            other.scale(second);
+            bsdf.extend(&other);
+            return Some(bsdf);
+        }
+        _ => {}
+    }
+    let spot = at.spot();
+    let colour = |texture: &TextureRef| evaluate(texture, &spot).max(Vec3::ZERO);
+    let number = |texture: &TextureRef| evaluate(texture, &spot).x;
     let facets = |roughness: Vec2, remap: bool| {
         let alpha = if remap {
             Vec2::new(
@@ -148,7 +169,62 @@ pub(in crate::render) fn bsdf_of(
             );
             bsdf.eta = if t == Vec3::ZERO { below } else { 1.0 };
         }
-        Material::Interface => return None,
+        Material::Metal {
+            eta,
+            k,
+            roughness,
+            remap_roughness,
+        } => {
+            let r = Vec3::ONE;
+            let facets = facets(pair(roughness), *remap_roughness);
+            let fresnel = Fresnel::Conductor {
+                eta: colour(eta),
+                k: colour(k),
+            };
+            add(r, Lobe::MicrofacetReflection { r, facets, fresnel });
+        }
+        Material::Substrate {
+            kd,
+            ks,
+            roughness,
+            remap_roughness,
+        } => {
+            let (d, s) = (colour(kd), colour(ks));
+            let facets = facets(pair(roughness), *remap_roughness);
+            add(d + s, Lobe::Coated { d, s, facets });
+        }
+        Material::Translucent {
+            kd,
+            ks,
+            reflect,
+            transmit,
+            roughness,
+            remap_roughness,
+        } => {
+            let (above, below) = (1.0, 1.5);
+            let (reflect, transmit) = (colour(reflect), colour(transmit));
+            let (r, t) = (reflect * colour(kd), transmit * colour(kd));
+            add(r, Lobe::Lambert { r });
+            add(t, Lobe::LambertTransmission { t });
+            let (r, t) = (reflect * colour(ks), transmit * colour(ks));
+            let facets = facets(Vec2::splat(number(roughness)), *remap_roughness);
+            let fresnel = Fresnel::Dielectric {
+                outside: above,
+                inside: below,
+            };
+            add(r, Lobe::MicrofacetReflection { r, facets, fresnel });
+            add(
+                t,
+                Lobe::MicrofacetTransmission {
+                    t,
+                    facets,
+                    above,
+                    below,
+                },
+            );
+            bsdf.eta = below;
+        }
+        Material::Interface | Material::Bumped { .. } | Material::Mix { .. } => return None,
     }
     Some(bsdf)
 }

@@ -16,8 +16,8 @@ pub(super) use material::bsdf_of;
 use super::interaction::Interaction;
 use super::sampling::ONE_MINUS_EPSILON;
 
-/// As many ways to scatter as a material may combine (uber).
-const MAX_LOBES: usize = 5;
+/// As many ways to scatter as a material may combine; a mix of more is cut off, as in pbrt-v3.
+const MAX_LOBES: usize = 8;
 
 /// The sum of some lobes, in world space.
 #[derive(Clone, Debug)]
@@ -27,8 +27,15 @@ pub(super) struct Bsdf {
     /// Two tangents and the shading normal.
     frame: [Vec3; 3],
     geometric_normal: Vec3,
-    lobes: [Lobe; MAX_LOBES],
+    lobes: [Share; MAX_LOBES],
     count: usize,
+}
+
+/// A lobe, and a factor on it.
+#[derive(Clone, Copy, Debug)]
+struct Share {
+    lobe: Lobe,
+    scale: Vec3,
 }
 
 /// A direction that a [`Bsdf`] drew.
@@ -48,20 +55,44 @@ impl Bsdf {
             eta,
             frame: [at.tangents[0], at.tangents[1], at.shading_normal],
             geometric_normal: at.place.normal,
-            lobes: [Lobe::Lambert { r: Vec3::ZERO }; MAX_LOBES],
+            lobes: [Share {
+                lobe: Lobe::Lambert { r: Vec3::ZERO },
+                scale: Vec3::ONE,
+            }; MAX_LOBES],
             count: 0,
         }
     }
 
     fn add(&mut self, lobe: Lobe) {
-        self.lobes[self.count] = lobe;
-        self.count += 1;
+        let scale = Vec3::ONE;
+        self.add_share(Share { lobe, scale });
     }
 
-    fn matching(&self, kinds: Kinds) -> impl Iterator<Item = &Lobe> {
+    fn add_share(&mut self, share: Share) {
+        if let Some(place) = self.lobes.get_mut(self.count) {
+            *place = share;
+            self.count += 1;
+        }
+    }
+
+    /// Multiplies all lobes by `scale`.
+    fn scale(&mut self, scale: Vec3) {
+        for share in &mut self.lobes[..self.count] {
+            share.scale *= scale;
+        }
+    }
+
+    /// Adds the lobes of another, in this frame.
+    fn extend(&mut self, other: &Bsdf) {
+        for share in &other.lobes[..other.count] {
+            self.add_share(*share);
+        }
+    }
+
+    fn matching(&self, kinds: Kinds) -> impl Iterator<Item = &Share> {
         self.lobes[..self.count]
             .iter()
-            .filter(move |lobe| lobe.kinds().within(kinds))
+            .filter(move |share| share.lobe.kinds().within(kinds))
     }
 
     /// How many of the lobes are of these kinds only.
@@ -94,8 +125,8 @@ impl Bsdf {
             Kinds::TRANSMISSION
         };
         self.matching(kinds)
-            .filter(|lobe| lobe.kinds().has(side))
-            .map(|lobe| lobe.f(wo, wi))
+            .filter(|share| share.lobe.kinds().has(side))
+            .map(|share| share.scale * share.lobe.f(wo, wi))
             .sum()
     }
 
@@ -116,7 +147,7 @@ impl Bsdf {
             return 0.0;
         }
         self.matching(kinds)
-            .map(|lobe| lobe.pdf(wo, wi))
+            .map(|share| share.lobe.pdf(wo, wi))
             .sum::<f32>()
             / count as f32
     }
@@ -125,7 +156,7 @@ impl Bsdf {
     pub(super) fn sample(&self, wo_world: Vec3, u: Vec2, kinds: Kinds) -> Option<BsdfSample> {
         let count = self.count(kinds);
         let chosen = ((u.x * count as f32) as usize).min(count.checked_sub(1)?);
-        let lobe = self.matching(kinds).nth(chosen)?;
+        let Share { lobe, scale } = self.matching(kinds).nth(chosen)?;
         let wo = self.to_local(wo_world);
         if wo.z == 0.0 {
             return None;
@@ -135,6 +166,7 @@ impl Bsdf {
         if drawn.pdf <= 0.0 || drawn.pdf.is_nan() {
             return None;
         }
+        drawn.f *= *scale;
         let wi = self.to_world(drawn.wi);
         if !drawn.kinds.has(Kinds::SPECULAR) {
             let others = self
@@ -142,7 +174,7 @@ impl Bsdf {
                 .enumerate()
                 .filter(|(i, _)| *i != chosen);
             drawn.pdf += others
-                .map(|(_, other)| other.pdf(wo, drawn.wi))
+                .map(|(_, other)| other.lobe.pdf(wo, drawn.wi))
                 .sum::<f32>();
             drawn.f = self.sum((wo_world, wo), (wi, drawn.wi), kinds);
         }

@@ -21,6 +21,15 @@ fn rough_lobes() -> Vec<(&'static str, Lobe)> {
     vec![
         ("lambert", Lobe::diffuse(WHITE, 0.0)),
         ("oren-nayar", Lobe::diffuse(WHITE, 30.0)),
+        ("through", Lobe::LambertTransmission { t: WHITE }),
+        (
+            "coated",
+            Lobe::Coated {
+                d: Vec3::splat(0.5),
+                s: Vec3::splat(0.2),
+                facets: facets(0.3, 0.3),
+            },
+        ),
         (
             "metal",
             Lobe::MicrofacetReflection {

@@ -1,9 +1,9 @@
 //! Ambient occlusion, as pbrt-v3 has it.
 
 use glam::Vec3;
-use splitplane::Ray;
 
 use super::{Gathered, Gatherer, MAX_PASSES};
+use crate::render::camera::Beam;
 use crate::render::sampling::{
     UNIFORM_HEMISPHERE_PDF, cosine_hemisphere, cosine_hemisphere_pdf, uniform_hemisphere,
 };
@@ -11,11 +11,12 @@ use crate::render::sampling::{
 impl<const COUNT: bool> Gatherer<'_, COUNT> {
     /// The cosine-weighted part of the hemisphere that is open, times π: pbrt-v3 does not divide
     /// by it.
-    pub(super) fn ambient(&mut self, camera_ray: &Ray, cosine: bool, samples: u32) -> Gathered {
-        let (mut hit, first) = self.first_hit(camera_ray);
+    pub(super) fn ambient(&mut self, camera: &Beam, cosine: bool, samples: u32) -> Gathered {
+        let (mut hit, first) = self.first_hit(camera);
         for _ in 0..MAX_PASSES {
-            let Some(at) = hit else { break };
-            if self.world.bsdf(&at, true).is_some() {
+            let Some(mut at) = hit else { break };
+            if self.world.bsdf(&mut at, true).is_some() {
+                hit = Some(at);
                 break;
             }
             hit = self.bounce(&at.place.ray(-at.wo));

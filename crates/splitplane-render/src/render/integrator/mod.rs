@@ -8,6 +8,7 @@ use glam::{Vec2, Vec3};
 use splitplane::{Hit, Ray, Tree};
 
 use super::bsdf::{Bsdf, Kinds, bsdf_of};
+use super::camera::Beam;
 use super::interaction::Interaction;
 use super::light::Lights;
 use super::light_choice::LightChoice;
@@ -16,6 +17,7 @@ use super::sampling::power_heuristic;
 use super::tracer::Tracer;
 use crate::scene::settings::{Integrator, LightStrategy};
 use crate::scene::{Scene, Shape};
+use direct::Lighting;
 
 /// No ray passes through more surfaces in a row that do not scatter; it could meet one again and
 /// again where coordinates are too coarse to leave it.
@@ -27,9 +29,10 @@ pub(super) struct World<'s> {
     pub(super) lights: &'s Lights<'s>,
     pub(super) choice: LightChoice<'s>,
     pub(super) integrator: Integrator,
+    /// Some surfaces are not there everywhere.
+    pub(super) has_alpha: bool,
     /// The shape of every triangle.
     shape_of: Vec<u32>,
-    from_infinity: Vec3,
 }
 
 impl<'s> World<'s> {
@@ -37,9 +40,9 @@ impl<'s> World<'s> {
     pub(super) fn new(scene: &'s Scene, lights: &'s Lights<'s>, integrator: Integrator) -> Self {
         let strategy = match integrator {
             Integrator::Path { light_strategy, .. } => light_strategy,
-            Integrator::Direct { .. } | Integrator::AmbientOcclusion { .. } => {
-                LightStrategy::Uniform
-            }
+            Integrator::Direct { .. }
+            | Integrator::Whitted { .. }
+            | Integrator::AmbientOcclusion { .. } => LightStrategy::Uniform,
         };
         let mut shape_of = Vec::with_capacity(scene.mesh.triangles().len());
         for (index, shape) in (0..).zip(&scene.shapes) {
@@ -50,12 +53,15 @@ impl<'s> World<'s> {
             lights,
             choice: LightChoice::new(strategy, lights, scene.mesh.bounds()),
             integrator,
+            has_alpha: scene
+                .shapes
+                .iter()
+                .any(|shape| shape.alpha.is_some() || shape.shadow_alpha.is_some()),
             shape_of,
-            from_infinity: lights.radiance_from_infinity(),
         }
     }
 
-    fn shape(&self, triangle: u32) -> &'s Shape {
+    pub(super) fn shape(&self, triangle: u32) -> &'s Shape {
         &self.scene.shapes[self.shape_of[triangle as usize] as usize]
     }
 
@@ -63,7 +69,8 @@ impl<'s> World<'s> {
         Interaction::new(self.scene, self.shape(hit.triangle), ray, hit)
     }
 
-    fn bsdf(&self, at: &Interaction, one_lobe_glass: bool) -> Option<Bsdf> {
+    /// How the surface scatters; its bumps turn the hit's frame.
+    fn bsdf(&self, at: &mut Interaction, one_lobe_glass: bool) -> Option<Bsdf> {
         let material = self.shape(at.triangle).material;
         bsdf_of(&self.scene.materials[material as usize], at, one_lobe_glass)
     }
@@ -106,7 +113,7 @@ impl<'w, const COUNT: bool> Gatherer<'w, COUNT> {
     pub(super) fn new(world: &'w World<'w>, tree: &'w Tree, sequence: &'w Sequence) -> Self {
         Gatherer {
             world,
-            tracer: Tracer::new(tree),
+            tracer: Tracer::new(tree, world),
             sampler: Sampler::new(sequence),
             pending: vec![],
         }
@@ -114,27 +121,32 @@ impl<'w, const COUNT: bool> Gatherer<'w, COUNT> {
 
     /// What arrives along a camera ray; the sampler must be at its sample, after the numbers that
     /// the camera took.
-    pub(super) fn gather(&mut self, ray: &Ray) -> Gathered {
+    pub(super) fn gather(&mut self, beam: &Beam) -> Gathered {
         match self.world.integrator {
             Integrator::Path {
                 max_depth,
                 rr_threshold,
                 ..
-            } => self.path(ray, max_depth, rr_threshold),
+            } => self.path(beam, max_depth, rr_threshold),
             Integrator::Direct {
                 max_depth,
                 all_lights,
-            } => self.direct(ray, max_depth, all_lights),
-            Integrator::AmbientOcclusion { cosine, samples } => self.ambient(ray, cosine, samples),
+            } => self.direct(beam, max_depth, Lighting::Direct { all_lights }),
+            Integrator::Whitted { max_depth } => self.direct(beam, max_depth, Lighting::Whitted),
+            Integrator::AmbientOcclusion { cosine, samples } => self.ambient(beam, cosine, samples),
         }
     }
 
     /// Casts a camera ray and says where it hit.
-    fn first_hit(&mut self, ray: &Ray) -> (Option<Interaction>, Option<FirstHit>) {
+    fn first_hit(&mut self, beam: &Beam) -> (Option<Interaction>, Option<FirstHit>) {
+        let ray = &beam.ray;
         let Some(hit) = self.tracer.camera(ray) else {
             return (None, None);
         };
-        let at = self.world.interaction(ray, &hit);
+        let mut at = self.world.interaction(ray, &hit);
+        if let Some(beside) = &beam.beside {
+            at.set_footprint(beside);
+        }
         let first = FirstHit {
             distance: hit.t * Vec3::from(ray.direction).length(),
             normal: at.shading_normal,
@@ -145,6 +157,14 @@ impl<'w, const COUNT: bool> Gatherer<'w, COUNT> {
     fn bounce(&mut self, ray: &Ray) -> Option<Interaction> {
         let hit = self.tracer.bounce(ray)?;
         Some(self.world.interaction(ray, &hit))
+    }
+
+    fn bounce_beam(&mut self, beam: &Beam) -> Option<Interaction> {
+        let mut at = self.bounce(&beam.ray)?;
+        if let Some(beside) = &beam.beside {
+            at.set_footprint(beside);
+        }
+        Some(at)
     }
 
     /// Direct light from one light, chosen at random.
@@ -201,7 +221,7 @@ impl<'w, const COUNT: bool> Gatherer<'w, COUNT> {
         let found = match self.bounce(&at.place.ray(sample.wi)) {
             Some(hit) if self.world.is_light(&hit, light) => self.world.emitted(&hit, -sample.wi),
             Some(_) => Vec3::ZERO,
-            None => lights.radiance_of_miss(light),
+            None => lights.radiance_of_miss(light, sample.wi),
         };
         sum + f * found * (power_heuristic(sample.pdf, other) / sample.pdf)
     }

@@ -1,17 +1,18 @@
 //! pbrt-v3's path tracer [PBRT3, 14.5.4].
 
 use glam::Vec3;
-use splitplane::Ray;
 
 use super::{Gathered, Gatherer, MAX_PASSES};
 use crate::render::bsdf::Kinds;
+use crate::render::camera::Beam;
 
 /// Russian roulette may end a path after this bounce.
 const SAFE_BOUNCES: u32 = 3;
 
 impl<const COUNT: bool> Gatherer<'_, COUNT> {
-    pub(super) fn path(&mut self, camera_ray: &Ray, max_depth: u32, rr_threshold: f32) -> Gathered {
-        let (mut hit, first) = self.first_hit(camera_ray);
+    pub(super) fn path(&mut self, camera: &Beam, max_depth: u32, rr_threshold: f32) -> Gathered {
+        let (mut hit, first) = self.first_hit(camera);
+        let mut direction = Vec3::from(camera.ray.direction);
         let mut sum = Vec3::ZERO;
         let mut throughput = Vec3::ONE;
         // What refraction did to the throughput; Russian roulette does without it, as it will be
@@ -24,14 +25,14 @@ impl<const COUNT: bool> Gatherer<'_, COUNT> {
                 sum += throughput
                     * match &hit {
                         Some(at) => self.world.emitted(at, at.wo),
-                        None => self.world.from_infinity,
+                        None => self.world.lights.radiance_from_infinity(direction),
                     };
             }
-            let Some(at) = hit else { break };
+            let Some(mut at) = hit else { break };
             if bounces >= max_depth {
                 break;
             }
-            let Some(bsdf) = self.world.bsdf(&at, true) else {
+            let Some(bsdf) = self.world.bsdf(&mut at, true) else {
                 passes += 1;
                 if passes > MAX_PASSES {
                     break;
@@ -59,6 +60,7 @@ impl<const COUNT: bool> Gatherer<'_, COUNT> {
                     1.0 / eta2
                 };
             }
+            direction = sample.wi;
             let next = at.place.ray(sample.wi);
             let lasting = (throughput * eta_scale).max_element();
             if lasting < rr_threshold && bounces > SAFE_BOUNCES {

@@ -8,7 +8,7 @@
 use rand::Rng;
 use rand_pcg::Pcg32;
 
-use super::random::{mix, unit};
+use super::random::{below, mix, unit};
 use crate::render::sampling::ONE_MINUS_EPSILON;
 
 /// As many dimensions as pbrt-v3 has; further ones are independent random numbers.
@@ -178,17 +178,6 @@ fn inverse_modulo(a: u64, n: u64) -> u64 {
         (x, next_x) = (next_x, x - quotient * next_x);
     }
     x.rem_euclid(n.max(1) as i64) as u64
-}
-
-/// A number below `bound`, all alike: bits that would favour small numbers are drawn again.
-fn below(random: &mut Pcg32, bound: u32) -> u32 {
-    let threshold = bound.wrapping_neg() % bound;
-    loop {
-        let bits = random.next_u32();
-        if bits >= threshold {
-            return bits % bound;
-        }
-    }
 }
 
 fn first_primes() -> Vec<u32> {

@@ -58,7 +58,7 @@ pub(crate) fn scene(name: &str, triangles: usize) -> Result<Scene, String> {
         let camera = view::look(eye, DVec3::new(0.0, 2.7, 0.0), DVec3::Y, 62.0);
         (camera, view::daylight(DVec3::new(-0.35, 0.75, 0.5)))
     };
-    view::scene(name, &builder.pieces(), materials, view, Vec::new())
+    view::scene(name, builder.pieces(), materials, view, Vec::new())
 }
 
 /// The unit vector along a direction in the plane of the floor.

@@ -1,12 +1,9 @@
 //! Parts for scenes that are generated.
 
-use std::f64::consts::TAU;
-use std::sync::Arc;
-
 use glam::{DAffine3, DVec3};
+use std::f64::consts::TAU;
 
 use crate::scene::geometry::{Geometry, Placed};
-use crate::transform::Transform;
 
 /// Collects triangles by material, y up; or only counts them.
 #[derive(Debug)]
@@ -35,13 +32,7 @@ impl Builder {
             .by_material
             .into_iter()
             .enumerate()
-            .map(|(material, geometry)| Placed {
-                geometry: Arc::new(geometry),
-                to_world: Transform::IDENTITY,
-                reversed: false,
-                material: material as u32,
-                area_light: None,
-            });
+            .map(|(material, geometry)| Placed::plain(geometry, material as u32));
         placed.collect()
     }
 

@@ -40,7 +40,7 @@ pub(crate) fn scene(name: &str, triangles: usize) -> Result<Scene, String> {
         let camera = view::look(eye, DVec3::new(0.0, 4.9, 0.0), DVec3::Y, 46.0);
         (camera, view::daylight(DVec3::new(-0.8, 0.7, 0.45)))
     };
-    view::scene(name, &builder.pieces(), materials, view, Vec::new())
+    view::scene(name, builder.pieces(), materials, view, Vec::new())
 }
 
 /// The height of the ground.

@@ -258,7 +258,7 @@ pub fn resolve(name_or_path: &str, search: &[PathBuf]) -> Result<Resolved, Scene
         name_or_path,
         format!(
             "there is no such file, and no scene of this name; scenes are {}; files can end in \
-             .pbrt{}",
+             .pbrt, .pbrt.gz, .gltf, .glb{}",
             names.join(", "),
             super::mesh_file::ENDINGS
                 .iter()
@@ -273,8 +273,12 @@ fn scene_name(path: &Path) -> String {
     let own = stem(path);
     match path.parent().map(file_name) {
         Some(folder) if own.eq_ignore_ascii_case("scene") && !folder.is_empty() => folder,
-        // x.ply.gz
-        _ => own.strip_suffix(".ply").map_or(own.clone(), str::to_owned),
+        // x.ply.gz, x.pbrt.gz
+        _ => [".ply", ".pbrt"]
+            .iter()
+            .find_map(|ending| own.strip_suffix(ending))
+            .unwrap_or(&own)
+            .to_owned(),
     }
 }
 

@@ -1,15 +1,12 @@
 //! The truck that ships: a real model, mechanical, of many separate parts.
 
-use std::sync::Arc;
-
 use glam::DVec3;
 
 use crate::scene::Scene;
-use crate::scene::geometry::{Geometry, Placed};
+use crate::scene::geometry::{Placed, runs};
 use crate::scene::material::Material;
 use crate::scene::ply;
 use crate::scene::view::{self, Up, color, matte};
-use crate::transform::Transform;
 
 pub(crate) const TRIANGLES: usize = 116_501;
 
@@ -65,40 +62,16 @@ pub(crate) fn scene(name: &str) -> Result<Scene, String> {
         let camera = view::fitted(&mesh.bounds(), mesh.positions(), towards_eye, Up::Y);
         (camera, view::daylight(DVec3::new(0.35, 0.8, 0.75)))
     };
-    view::scene(name, &pieces, materials, view, Vec::new())
+    view::scene(name, pieces, materials, view, Vec::new())
 }
 
 /// One piece for each run of faces of the same material, so that triangles keep their order.
 fn pieces(mesh: &ply::PlyMesh) -> Vec<Placed> {
-    let g = &mesh.geometry;
-    let faces: Vec<(u8, [u32; 3])> = mesh
-        .materials
-        .iter()
-        .copied()
-        .zip(g.triangles.iter().copied())
-        .collect();
-    faces
-        .chunk_by(|a, b| a.0 == b.0)
-        .map(|run| {
-            // Each run takes its own vertices along, in the order of their first use.
-            let mut numbers = std::collections::HashMap::new();
-            let mut own = Geometry::default();
-            for (_, triangle) in run {
-                own.triangles.push(triangle.map(|index| {
-                    *numbers.entry(index).or_insert_with(|| {
-                        own.positions.push(g.positions[index as usize]);
-                        own.positions.len() as u32 - 1
-                    })
-                }));
-            }
-            Placed {
-                geometry: Arc::new(own),
-                to_world: Transform::IDENTITY,
-                reversed: false,
-                material: u32::from(run[0].0).min(NAMES.len() as u32 - 1),
-                area_light: None,
-            }
-        })
+    let materials: Vec<u32> = mesh.materials.iter().map(|&m| m.into()).collect();
+    let last = NAMES.len() as u32 - 1;
+    runs(&mesh.geometry, &materials)
+        .into_iter()
+        .map(|(material, own)| Placed::plain(own, material.min(last)))
         .collect()
 }
 
@@ -136,7 +109,7 @@ mod tests {
             triangle
                 .iter()
                 .for_each(|index| text.extend(index.to_le_bytes()));
-            text.push(*material);
+            text.push(*material as u8);
         }
         let mut packed = flate2::GzBuilder::new().write(Vec::new(), flate2::Compression::best());
         packed.write_all(&text).unwrap();

@@ -114,6 +114,8 @@ pub(crate) fn of_param(
         (Type::Blackbody, &[temperature, scale]) => Ok(Some(
             of_blackbody(temperature).map(|c| (f64::from(c) * scale) as f32),
         )),
+        // pbrt-v4's has a factor of its own.
+        (Type::Blackbody, &[temperature]) => Ok(Some(of_blackbody(temperature))),
         (Type::Blackbody, _) => wrong("a temperature in kelvins and a factor"),
         (_, numbers) if numbers.len() >= 2 && numbers.len().is_multiple_of(2) => Ok(Some(
             of_samples(numbers.chunks_exact(2).map(|p| (p[0], p[1])).collect()),

@@ -3,11 +3,13 @@
 mod list;
 
 use std::collections::BTreeMap;
+use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::lexer::{Lexer, Token, TokenKind, shortened};
 use super::params::Params;
 use super::source::{Sources, Span};
+use super::v4;
 use crate::error::SceneError;
 
 /// What follows a directive's name.
@@ -29,7 +31,8 @@ enum Arguments {
 
 macro_rules! directives {
     ($($name:ident $arguments:expr;)*) => {
-        /// The directives of pbrt-v3, Include apart, which the parser follows itself.
+        /// The directives of pbrt-v3 and v4, Include, Import and Option apart, which the parser sees
+        /// to itself.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub(crate) enum Word { $($name),* }
 
@@ -50,6 +53,8 @@ macro_rules! directives {
 }
 
 directives! {
+    Attribute Arguments::List;
+    ColorSpace Arguments::Name;
     Accelerator Arguments::List;
     ActiveTransform Arguments::Word;
     AreaLightSource Arguments::List;
@@ -105,6 +110,19 @@ impl Directive {
     }
 }
 
+/// The text of a file, as it is or compressed by gzip.
+fn read(path: &Path) -> Result<Vec<u8>, String> {
+    let bytes = std::fs::read(path).map_err(|error| error.to_string())?;
+    if !bytes.starts_with(&[0x1f, 0x8b]) {
+        return Ok(bytes);
+    }
+    let mut plain = Vec::new();
+    flate2::read::MultiGzDecoder::new(bytes.as_slice())
+        .read_to_end(&mut plain)
+        .map_err(|error| format!("it cannot be decompressed: {error}"))?;
+    Ok(plain)
+}
+
 /// More files inside each other than any scene has.
 const DEEPEST_INCLUDE: usize = 64;
 
@@ -121,6 +139,12 @@ pub(crate) struct Parser<'a> {
     open: Vec<Lexer>,
     peeked: Option<Token>,
     includes: u32,
+    /// The scene is in pbrt-v4's words.
+    pub(crate) is_v4: bool,
+    /// The file is a part of a scene: it has shapes and no WorldBegin.
+    pub(crate) is_part: bool,
+    /// Files that were to be included and are not there, since the last directive.
+    pub(crate) missing: Vec<(String, Span)>,
 }
 
 impl<'a> Parser<'a> {
@@ -130,12 +154,18 @@ impl<'a> Parser<'a> {
         defines: &'a BTreeMap<String, String>,
         search: &'a [PathBuf],
     ) -> Result<Self, SceneError> {
-        let text = std::fs::read(path).map_err(|error| {
+        let text = read(path).map_err(|reason| {
             SceneError::file(
                 path.display().to_string(),
-                format!("cannot be read: {error}"),
+                format!("cannot be read: {reason}"),
             )
         })?;
+        let is_v4 = v4::is_v4(&text);
+        let has = |wanted: &[u8]| {
+            text.split(u8::is_ascii_whitespace)
+                .any(|word| word == wanted)
+        };
+        let is_part = has(b"Shape") && !has(b"WorldBegin");
         let mut sources = Sources::default();
         let file = sources.add(path, text.into());
         let lexer = Lexer::new(&sources, file);
@@ -146,6 +176,9 @@ impl<'a> Parser<'a> {
             open: vec![lexer],
             peeked: None,
             includes: 0,
+            is_v4,
+            is_part,
+            missing: Vec::new(),
         })
     }
 
@@ -168,18 +201,34 @@ impl<'a> Parser<'a> {
                     ),
                 ));
             };
-            if word == "Include" {
+            if word == "Option" && self.is_v4 {
+                self.params()?;
+                continue;
+            }
+            if word == "Include" || word == "Import" && self.is_v4 {
                 let (name, span) = self.text("a file's name in quotes")?;
                 self.include(&name, span)?;
                 continue;
             }
-            let Some((word, arguments)) = Word::named(word) else {
+            let known = Word::named(word).filter(|(word, _)| {
+                self.is_v4 || !matches!(word, Word::Attribute | Word::ColorSpace)
+            });
+            let Some((word, arguments)) = known else {
                 return Err(self.error(
                     token.span,
-                    format!("`{}` is not a directive of pbrt-v3", shortened(word)),
+                    format!(
+                        "`{}` is not a directive of pbrt-v{}",
+                        shortened(word),
+                        if self.is_v4 { 4 } else { 3 }
+                    ),
                 ));
             };
-            return self.directive(word, arguments, token.span).map(Some);
+            let directive = self.directive(word, arguments, token.span)?;
+            return Ok(Some(if self.is_v4 {
+                v4::translated(directive)
+            } else {
+                directive
+            }));
         }
     }
 
@@ -364,14 +413,8 @@ impl<'a> Parser<'a> {
 
     fn include(&mut self, name: &str, span: Span) -> Result<(), SceneError> {
         let Some(path) = self.find(name, span) else {
-            return Err(self.error(
-                span,
-                format!(
-                    "there is no file \"{}\"; it is looked for beside the file that includes it, \
-                     beside the scene's main file and on the search path",
-                    shortened(name)
-                ),
-            ));
+            self.missing.push((name.to_owned(), span));
+            return Ok(());
         };
         let same = |lexer: &Lexer| {
             let open = &self.sources.get(lexer.file()).path;
@@ -399,8 +442,8 @@ impl<'a> Parser<'a> {
                 ),
             ));
         }
-        let text = std::fs::read(&path)
-            .map_err(|error| self.error(span, format!("\"{name}\" cannot be read: {error}")))?;
+        let text = read(&path)
+            .map_err(|reason| self.error(span, format!("\"{name}\" cannot be read: {reason}")))?;
         let file = self.sources.add(&path, text.into());
         self.open.push(Lexer::new(&self.sources, file));
         Ok(())

@@ -1,15 +1,17 @@
 //! Lights. Defaults are pbrt-v3's [PBRT3, 12].
 
+use std::sync::Arc;
+
 use glam::Vec3;
 
 use super::directive::Directive;
 use super::lexer::shortened;
 use super::params::Type;
-use super::textures::{Maker, mean};
+use super::textures::Maker;
 use crate::error::SceneError;
-use crate::scene::image_file::Decoding;
+use crate::scene::image_file::{Channels, Decoding};
 use crate::scene::light::{AreaLight, Light};
-use crate::scene::texture::{Texture, Wrap};
+use crate::scene::texture::{Image, Wrap};
 use crate::transform::Transform;
 
 /// A colour parameter times `"scale"`.
@@ -17,6 +19,30 @@ fn scaled(maker: &mut Maker<'_>, d: &Directive, name: &str) -> Result<[f32; 3], 
     let color = maker.color(&d.params, name, [1.0; 3])?;
     let scale = maker.color(&d.params, "scale", [1.0; 3])?;
     Ok(std::array::from_fn(|i| color[i] * scale[i]))
+}
+
+fn no_direction(maker: &Maker<'_>, d: &Directive) -> SceneError {
+    maker.s.error(
+        d.span,
+        "\"from\" and \"to\" of this light are the same point; it has no direction",
+    )
+}
+
+/// The picture that a light's `"mapname"` names, with its values as they are in the file.
+fn map(
+    maker: &mut Maker<'_>,
+    d: &Directive,
+    without: &str,
+) -> Result<Option<Arc<Image>>, SceneError> {
+    let decoding = Decoding {
+        srgb: false,
+        channels: Channels::Color,
+        wrap: Wrap::Repeat,
+    };
+    Ok(match d.params.text(maker.s, "mapname")? {
+        Some(name) if !name.is_empty() => maker.image(d, name, decoding, without),
+        _ => None,
+    })
 }
 
 /// The light that a LightSource directive gives; `None` where it is left out.
@@ -42,10 +68,7 @@ pub(crate) fn light(
         "distant" => {
             let towards = Vec3::from(to_world.vector((Vec3::from(from) - Vec3::from(to)).into()));
             let Some(towards) = towards.try_normalize() else {
-                return Err(maker.s.error(
-                    d.span,
-                    "\"from\" and \"to\" of this light are the same point; it has no direction",
-                ));
+                return Err(no_direction(maker, d));
             };
             Some(Light::Distant {
                 towards: towards.into(),
@@ -54,50 +77,56 @@ pub(crate) fn light(
         }
         "infinite" | "exinfinite" => {
             d.params.ignore(&["nsamples", "samples"]);
-            let mut radiance = scaled(maker, d, "L")?;
-            if let Some(map) = d.params.text(maker.s, "mapname")? {
-                let found = (maker.find)(map, d.span);
-                let decoding = Decoding {
-                    srgb: false,
-                    gray: false,
-                };
-                let image = match found {
-                    None => Err("there is no such file".to_owned()),
-                    Some(path) => maker.images.get(&path, decoding),
-                };
-                let outcome = match image {
-                    Ok(image) => {
-                        let mapping = [1.0, 1.0, 0.0, 0.0];
-                        let map = Texture::Image {
-                            image,
-                            mapping,
-                            wrap: Wrap::Repeat,
-                        };
-                        let mean = mean(&map);
-                        radiance = std::array::from_fn(|i| radiance[i] * mean[i]);
-                        "rendered with its mean colour".to_owned()
-                    }
-                    Err(reason) => format!("it cannot be read either ({reason}); rendered without"),
-                };
-                maker.notes.warn(
-                    &format!("environment map {map}"),
-                    || maker.s.place(d.span),
-                    format!(
-                        "the environment map \"{}\" is not supported; {outcome}",
-                        shortened(map)
-                    ),
-                );
-            }
-            Some(Light::Infinite { radiance })
+            Some(Light::Infinite {
+                radiance: scaled(maker, d, "L")?,
+                map: map(maker, d, "rendered as if it were white")?,
+                to_world: *to_world,
+            })
         }
-        "spot" | "goniometric" | "projection" => {
-            let position = if kind == "spot" { from } else { [0.0; 3] };
-            let intensity = scaled(maker, d, "I")?;
-            d.params.ignore_all();
-            maker.replaced(d.span, &what, "\"point\", which shines in all directions");
-            Some(Light::Point {
-                position: to_world.point(position),
-                intensity,
+        "spot" => {
+            let degrees = |names: [&str; 2], default: f32| -> Result<f32, SceneError> {
+                for name in names {
+                    if let Some(value) = d.params.float(maker.s, name)? {
+                        return Ok(value);
+                    }
+                }
+                Ok(default)
+            };
+            let cone = degrees(["coneangle", "coneangle"], 30.0)?;
+            let delta = degrees(["conedelta", "conedeltaangle"], 5.0)?;
+            let axis = Vec3::from(to_world.vector((Vec3::from(to) - Vec3::from(from)).into()));
+            let Some(direction) = axis.try_normalize() else {
+                return Err(no_direction(maker, d));
+            };
+            Some(Light::Spot {
+                position: to_world.point(from),
+                direction: direction.into(),
+                intensity: scaled(maker, d, "I")?,
+                cos_inner: (cone - delta).to_radians().cos(),
+                cos_outer: cone.to_radians().cos(),
+            })
+        }
+        "goniometric" => {
+            d.params.ignore(&["fov"]);
+            Some(Light::Goniometric {
+                to_world: *to_world,
+                intensity: scaled(maker, d, "I")?,
+                map: map(maker, d, "rendered the same in all directions")?,
+            })
+        }
+        "projection" => {
+            let fov = d.params.float(maker.s, "fov")?.unwrap_or(45.0);
+            if !(fov > 0.0 && fov < 180.0) {
+                return Err(maker.s.error(
+                    d.span,
+                    format!("the field of view is {fov}°; it must be above 0° and below 180°"),
+                ));
+            }
+            Some(Light::Projection {
+                to_world: *to_world,
+                intensity: scaled(maker, d, "I")?,
+                fov,
+                map: map(maker, d, "rendered as a white square")?,
             })
         }
         _ => {
@@ -131,5 +160,6 @@ pub(crate) fn area_light(
     Ok(Some(AreaLight {
         radiance: scaled(maker, d, "L")?,
         two_sided: d.params.bool(maker.s, "twosided")?.unwrap_or(false),
+        after: 0,
     }))
 }

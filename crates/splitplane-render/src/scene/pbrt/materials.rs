@@ -2,13 +2,15 @@
 
 use std::collections::HashMap;
 use std::rc::Rc;
+use std::sync::Arc;
 
 use super::lexer::shortened;
 use super::params::Params;
 use super::source::Span;
-use super::textures::{Maker, constant, mean, shortened_list};
+use super::textures::{Maker, constant, shortened_list};
 use crate::error::SceneError;
 use crate::scene::material::{Material, TextureRef};
+use crate::scene::texture::Texture;
 
 /// A material as the file gives it, and its index in the scene.
 #[derive(Debug)]
@@ -39,6 +41,7 @@ const OVERRIDABLE: &[&str] = &[
     "reflect",
     "transmit",
     "k",
+    "bumpmap",
 ];
 
 /// The material's parameters with those that a shape overrides; `None` where it overrides none.
@@ -69,13 +72,7 @@ pub(crate) fn material(
     named: &NamedMaterials,
     materials: &[Material],
 ) -> Result<Material, SceneError> {
-    if let Some(param) = params.get("bumpmap") {
-        maker.notes.warn(
-            "bumpmap",
-            || maker.s.place(param.span),
-            "bump maps are not supported; rendered without".to_owned(),
-        );
-    }
+    let bumps = maker.float_texture(params, "bumpmap")?;
     let what = format!("the material \"{}\"", shortened(kind));
     let float =
         |maker: &mut Maker<'_>, name: &str, default: f32| -> Result<TextureRef, SceneError> {
@@ -102,7 +99,7 @@ pub(crate) fn material(
     };
     let remap_roughness = params.bool(maker.s, "remaproughness")?.unwrap_or(true);
 
-    Ok(match kind {
+    let material = match kind {
         "" | "none" => Material::Interface,
         "matte" => Material::Matte {
             kd: color(maker, "Kd", 0.5)?,
@@ -137,95 +134,136 @@ pub(crate) fn material(
             eta: eta(maker)?,
             remap_roughness,
         },
-        "substrate" => {
-            let material = Material::Plastic {
-                kd: color(maker, "Kd", 0.5)?,
-                ks: color(maker, "Ks", 0.5)?,
-                roughness: float(maker, "uroughness", 0.1)?,
-                remap_roughness,
-            };
-            params.ignore(&["vroughness"]);
-            maker.replaced(
-                span,
-                &what,
-                "\"plastic\" with its Kd, Ks and roughness along u",
-            );
-            material
-        }
-        "metal" => {
-            let eta = maker.color_texture(params, "eta", COPPER_ETA)?;
-            let k = maker.color_texture(params, "k", COPPER_K)?;
-            let reflectance = reflectance_of_conductor(mean(&eta), mean(&k));
-            let black = constant([0.0; 3]);
-            let material = Material::Uber {
-                kd: black.clone(),
-                ks: constant(reflectance),
-                kr: black.clone(),
-                kt: black,
-                roughness: roughness(maker, 0.01)?,
-                opacity: constant([1.0; 3]),
-                // So large that the coat reflects nearly all at any angle: the colour is Ks.
-                eta: constant([100.0; 3]),
-                remap_roughness,
-            };
-            maker.replaced(
-                span,
-                &what,
-                "a glossy coat of its roughness with its reflectance at normal incidence",
-            );
-            material
-        }
-        "translucent" => {
-            let reflect = color(maker, "reflect", 0.5)?;
-            params.ignore(&["transmit"]);
-            let scaled = |texture: TextureRef| -> TextureRef {
-                std::sync::Arc::new(crate::scene::texture::Texture::Scale(
-                    reflect.clone(),
-                    texture,
-                ))
-            };
-            let material = Material::Plastic {
-                kd: scaled(color(maker, "Kd", 0.25)?),
-                ks: scaled(color(maker, "Ks", 0.25)?),
-                roughness: float(maker, "roughness", 0.1)?,
-                remap_roughness,
-            };
-            maker.replaced(span, &what, "\"plastic\", without its transmission");
-            material
-        }
+        "substrate" => Material::Substrate {
+            kd: color(maker, "Kd", 0.5)?,
+            ks: color(maker, "Ks", 0.5)?,
+            roughness: [
+                float(maker, "uroughness", 0.1)?,
+                float(maker, "vroughness", 0.1)?,
+            ],
+            remap_roughness,
+        },
+        "metal" => Material::Metal {
+            eta: maker.color_texture(params, "eta", COPPER_ETA)?,
+            k: maker.color_texture(params, "k", COPPER_K)?,
+            roughness: roughness(maker, 0.01)?,
+            remap_roughness,
+        },
+        "translucent" => Material::Translucent {
+            kd: color(maker, "Kd", 0.25)?,
+            ks: color(maker, "Ks", 0.25)?,
+            reflect: color(maker, "reflect", 0.5)?,
+            transmit: color(maker, "transmit", 0.5)?,
+            roughness: float(maker, "roughness", 0.1)?,
+            remap_roughness,
+        },
         "mix" => {
             let amount = color(maker, "amount", 0.5)?;
-            let amount = mean(&amount);
-            let part = |name: &str| -> Result<u32, SceneError> {
+            let part = |name: &str| -> Result<Arc<Material>, SceneError> {
                 let Some(part) = params.text(maker.s, name)? else {
                     return Err(maker
                         .s
                         .error(span, format!("a \"mix\" takes \"string {name}\"")));
                 };
-                find(
-                    maker,
-                    named,
-                    part,
-                    params.get(name).map_or(span, |param| param.span),
-                )
-                .map(|definition| definition.index)
+                let span = params.get(name).map_or(span, |param| param.span);
+                let definition = find(maker, named, part, span)?;
+                Ok(Arc::new(materials[definition.index as usize].clone()))
             };
-            let parts = [part("namedmaterial1")?, part("namedmaterial2")?];
-            let second = amount.iter().sum::<f32>() < 1.5;
-            maker.replaced(span, &what, "the material that has the larger share");
-            materials[parts[usize::from(second)] as usize].clone()
+            Material::Mix {
+                amount,
+                parts: [part("namedmaterial1")?, part("namedmaterial2")?],
+            }
         }
-        "kdsubsurface" | "subsurface" | "disney" => {
-            let name = if kind == "disney" { "color" } else { "Kd" };
-            let material = Material::Plastic {
-                kd: color(maker, name, 0.5)?,
-                ks: constant([0.25; 3]),
-                roughness: constant([0.1; 3]),
-                remap_roughness: true,
+        "kdsubsurface" | "subsurface" => {
+            let kd = if params.has("Kd") {
+                color(maker, "Kd", 0.5)?
+            } else {
+                constant(albedo(maker, params)?)
+            };
+            let material = Material::Uber {
+                kd,
+                ks: color(maker, "Kr", 1.0)?,
+                kr: constant([0.0; 3]),
+                kt: constant([0.0; 3]),
+                roughness: [
+                    float(maker, "uroughness", 0.0)?,
+                    float(maker, "vroughness", 0.0)?,
+                ],
+                opacity: constant([1.0; 3]),
+                eta: match maker.float_texture(params, "eta")? {
+                    Some(eta) => eta,
+                    None => constant([1.33; 3]),
+                },
+                remap_roughness,
             };
             params.ignore_all();
-            maker.replaced(span, &what, "\"plastic\" of its colour");
+            maker.replaced(
+                span,
+                &what,
+                "a diffuse surface of its colour under a coat of its index and roughness",
+            );
             material
+        }
+        "disney" => {
+            let base = color(maker, "color", 0.5)?;
+            let metallic = float(maker, "metallic", 0.0)?;
+            let eta = float(maker, "eta", 1.5)?;
+            let roughness = float(maker, "roughness", 0.5)?;
+            // Disney's width of the distribution is the square of its roughness.
+            let width: TextureRef = Arc::new(Texture::Scale(roughness.clone(), roughness));
+            let mix = |from: TextureRef, to: TextureRef, amount: &TextureRef| -> TextureRef {
+                Arc::new(Texture::Mix {
+                    from,
+                    to,
+                    amount: amount.clone(),
+                })
+            };
+            let through = params.float(maker.s, "spectrans").unwrap_or_default();
+            let black = constant([0.0; 3]);
+            let material = if through.is_some_and(|part| part > 0.5) {
+                Material::Glass {
+                    kr: constant([1.0; 3]),
+                    kt: base,
+                    eta,
+                    roughness: [width.clone(), width],
+                    remap_roughness: false,
+                }
+            } else {
+                Material::Substrate {
+                    kd: mix(base.clone(), black, &metallic),
+                    ks: mix(constant([0.04; 3]), base, &metallic),
+                    roughness: [width.clone(), width],
+                    remap_roughness: false,
+                }
+            };
+            params.ignore_all();
+            maker.replaced(
+                span,
+                &what,
+                "\"substrate\" or \"glass\" of its colour, metallic and roughness",
+            );
+            material
+        }
+        "hair" => {
+            let material = Material::Substrate {
+                kd: color(maker, "color", 0.1)?,
+                ks: constant([0.05; 3]),
+                roughness: [constant([0.3; 3]), constant([0.3; 3])],
+                remap_roughness: false,
+            };
+            params.ignore_all();
+            maker.replaced(span, &what, "\"substrate\" of its colour");
+            material
+        }
+        "fourier" => {
+            params.ignore_all();
+            maker.replaced(span, &what, "a grey \"substrate\"");
+            Material::Substrate {
+                kd: constant([0.2; 3]),
+                ks: constant([0.4; 3]),
+                roughness: [constant([0.2; 3]), constant([0.2; 3])],
+                remap_roughness: false,
+            }
         }
         _ => {
             params.ignore_all();
@@ -235,20 +273,34 @@ pub(crate) fn material(
                 sigma: constant([0.0; 3]),
             }
         }
+    };
+    Ok(match bumps {
+        Some(height) => Material::Bumped {
+            base: Arc::new(material),
+            height,
+        },
+        None => material,
     })
+}
+
+/// The colour that a medium under a surface looks like from outside, by diffusion
+/// [PBRT3, 11.4.3 and 15.5]: from `sigma_a` and `sigma_s`, whose defaults are those of marble.
+fn albedo(maker: &mut Maker<'_>, params: &Params) -> Result<[f32; 3], SceneError> {
+    let absorbed = maker.color(params, "sigma_a", [0.0011, 0.0024, 0.014])?;
+    let scattered = maker.color(params, "sigma_s", [2.55, 3.21, 3.77])?;
+    let g = params.float(maker.s, "g")?.unwrap_or(0.0);
+    Ok(std::array::from_fn(|i| {
+        let scattered = scattered[i] * (1.0 - g);
+        let part = scattered / (scattered + absorbed[i]).max(1e-9);
+        let root = (3.0 * (1.0 - part)).max(0.0).sqrt();
+        // Without the boundary's reflection from inside.
+        part / 2.0 * (1.0 + (-4.0 / 3.0 * root).exp()) * (-root).exp()
+    }))
 }
 
 /// Copper at red, green and blue: pbrt-v3's default metal, as RGB.
 const COPPER_ETA: [f32; 3] = [0.200_438, 0.924_033, 1.102_212];
 const COPPER_K: [f32; 3] = [3.912_949, 2.452_848, 2.142_188];
-
-/// What a conductor reflects of light that falls on it at a right angle.
-fn reflectance_of_conductor(eta: [f32; 3], k: [f32; 3]) -> [f32; 3] {
-    std::array::from_fn(|i| {
-        let (n, k2) = (eta[i], k[i] * k[i]);
-        ((n - 1.0).powi(2) + k2) / ((n + 1.0).powi(2) + k2)
-    })
-}
 
 /// The material of that name.
 pub(crate) fn find(

@@ -13,6 +13,7 @@ mod settings;
 mod shapes;
 mod source;
 mod textures;
+mod v4;
 mod world;
 
 pub(crate) use lexer::shortened;

@@ -6,7 +6,7 @@ use super::directive::Directive;
 use super::params::Type;
 use super::source::Sources;
 use crate::error::SceneError;
-use crate::scene::camera::Camera;
+use crate::scene::camera::{Camera, Projection};
 use crate::scene::geometry::Notes;
 use crate::scene::settings::{Film, Filter, Integrator, LightStrategy, Sampler, SamplerKind};
 use crate::transform::Transform;
@@ -27,6 +27,7 @@ impl Default for Settings {
         Settings {
             camera: Camera {
                 camera_to_world: Transform::IDENTITY,
+                projection: Projection::Perspective,
                 fov: 90.0,
                 screen_window: None,
                 frame_aspect_ratio: None,
@@ -87,7 +88,13 @@ pub(crate) fn camera(
     world_to_camera: &Transform,
     notes: &mut Notes,
 ) -> Result<Camera, SceneError> {
-    if d.name() != "perspective" {
+    let projection = match d.name() {
+        "perspective" | "realistic" => Projection::Perspective,
+        "orthographic" => Projection::Orthographic,
+        "environment" => Projection::Environment,
+        _ => Projection::Perspective,
+    };
+    if !matches!(d.name(), "perspective" | "orthographic" | "environment") {
         notes.warn(
             &format!("camera {}", d.name()),
             || s.place(d.span),
@@ -128,6 +135,7 @@ pub(crate) fn camera(
     d.params.ignore(&["shutteropen", "shutterclose"]);
     Ok(Camera {
         camera_to_world: world_to_camera.inverse(),
+        projection,
         fov,
         screen_window,
         frame_aspect_ratio,
@@ -207,6 +215,10 @@ pub(crate) fn filter(s: &Sources, d: &Directive, notes: &mut Notes) -> Result<Fi
             b: float("B", 1.0 / 3.0)?,
             c: float("C", 1.0 / 3.0)?,
         },
+        "sinc" => Filter::Sinc {
+            radius: radius(4.0)?,
+            tau: positive(s, d, "tau", 3.0)?,
+        },
         other => {
             notes.warn(
                 &format!("filter {other}"),
@@ -236,9 +248,41 @@ pub(crate) fn sampler(
     let halton = SamplerKind::Halton {
         sample_at_center: d.params.bool(s, "samplepixelcenter")?.unwrap_or(false),
     };
+    let dimensions = || -> Result<u32, SceneError> {
+        Ok(d.params.integer_in(s, "dimensions", 0..=64)?.unwrap_or(4))
+    };
     let (kind, samples_per_pixel) = match d.name() {
         "halton" => (halton, count("pixelsamples", 16)?),
         "random" => (SamplerKind::Random, count("pixelsamples", 4)?),
+        "sobol" => (SamplerKind::Sobol, count("pixelsamples", 16)?),
+        "stratified" => {
+            let columns = count("xsamples", 4)?;
+            let stratified = SamplerKind::Stratified {
+                columns,
+                jitter: d.params.bool(s, "jitter")?.unwrap_or(true),
+                dimensions: dimensions()?,
+            };
+            let samples = columns.saturating_mul(count("ysamples", 4)?).min(MOST);
+            (stratified, samples)
+        }
+        "02sequence" | "lowdiscrepancy" => (
+            SamplerKind::ZeroTwo {
+                dimensions: dimensions()?,
+            },
+            count("pixelsamples", 16)?,
+        ),
+        "maxmindist" => {
+            notes.warn(
+                "sampler maxmindist",
+                || s.place(d.span),
+                "the sampler \"maxmindist\" is not supported; rendered with \"02sequence\""
+                    .to_owned(),
+            );
+            let kind = SamplerKind::ZeroTwo {
+                dimensions: dimensions()?,
+            };
+            (kind, count("pixelsamples", 16)?)
+        }
         other => {
             notes.warn(
                 &format!("sampler {other}"),
@@ -246,14 +290,7 @@ pub(crate) fn sampler(
                 format!("the sampler \"{other}\" is not supported; rendered with \"halton\""),
             );
             d.params.ignore_all();
-            let samples = if other == "stratified" {
-                count("xsamples", 4)?
-                    .saturating_mul(count("ysamples", 4)?)
-                    .min(MOST)
-            } else {
-                count("pixelsamples", 16)?
-            };
-            (halton, samples)
+            (halton, count("pixelsamples", 16)?)
         }
     };
     Ok(Sampler {
@@ -297,6 +334,11 @@ pub(crate) fn integrator(
                     .params
                     .integer_in(s, "nsamples", 1..=1 << 20)?
                     .unwrap_or(64),
+            });
+        }
+        "whitted" => {
+            return Ok(Integrator::Whitted {
+                max_depth: max_depth(d)?,
             });
         }
         "path" => {}

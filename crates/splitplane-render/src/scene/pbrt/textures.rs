@@ -11,11 +11,11 @@ use super::params::{Param, Params, Type};
 use super::source::{Sources, Span};
 use crate::error::SceneError;
 use crate::scene::geometry::Notes;
-use crate::scene::image_file::{Decoding, Images};
-use crate::scene::material::TextureRef;
-use crate::scene::texture::{Texture, Wrap};
+use crate::scene::image_file::{Channels, Decoding, Images};
+use crate::scene::texture::{Image, ImageFilter, Mapping, Pattern, Texture, TextureRef, Wrap};
+use crate::transform::Transform;
 
-/// What stands in for a texture that is not there.
+/// What stands in for a texture that is not known.
 const MIDDLE_GRAY: [f32; 3] = [0.5; 3];
 
 /// The textures that a block of the scene can name.
@@ -37,26 +37,6 @@ pub(crate) struct Maker<'a> {
 /// The same everywhere.
 pub(crate) fn constant(value: [f32; 3]) -> TextureRef {
     Arc::new(Texture::Constant(value))
-}
-
-/// The mean of a texture, for what cannot vary.
-pub(crate) fn mean(texture: &Texture) -> [f32; 3] {
-    match texture {
-        Texture::Constant(value) => *value,
-        Texture::Scale(a, b) => {
-            let (a, b) = (mean(a), mean(b));
-            std::array::from_fn(|i| a[i] * b[i])
-        }
-        Texture::Image { image, .. } => {
-            let mut sum = [0.0_f64; 3];
-            for pixel in &image.pixels {
-                for (sum, c) in sum.iter_mut().zip(pixel) {
-                    *sum += f64::from(*c);
-                }
-            }
-            sum.map(|sum| (sum / image.pixels.len().max(1) as f64) as f32)
-        }
-    }
 }
 
 impl Maker<'_> {
@@ -158,11 +138,18 @@ impl Maker<'_> {
         );
     }
 
+    /// A number; `default` where the parameter is absent.
+    fn float(&self, d: &Directive, name: &str, default: f32) -> Result<f32, SceneError> {
+        Ok(d.params.float(self.s, name)?.unwrap_or(default))
+    }
+
     /// The texture that a Texture directive defines, whether its values are numbers or colours.
+    /// `to_world` is the transform in force.
     pub(crate) fn texture(
         &mut self,
         d: &Directive,
         is_float: bool,
+        to_world: &Transform,
     ) -> Result<TextureRef, SceneError> {
         let class = d.names[2].as_str();
         let value =
@@ -175,92 +162,176 @@ impl Maker<'_> {
                     maker.color_texture(&d.params, name, [default; 3])
                 }
             };
-        let average = |textures: &[TextureRef]| -> [f32; 3] {
-            let mut sum = [0.0; 3];
-            for texture in textures {
-                let mean = mean(texture);
-                sum = std::array::from_fn(|i| sum[i] + mean[i] / textures.len() as f32);
-            }
-            sum
+        let octaves = || -> Result<u32, SceneError> {
+            let octaves = d.params.integer_in(self.s, "octaves", 0..=64)?;
+            Ok(octaves.unwrap_or(8))
         };
-        let what = format!("the texture class \"{}\"", shortened(class));
-        let color = match class {
+        // pbrt-v3 takes the transform in force for that from the world to the texture.
+        let noise = |pattern: Pattern| Texture::Noise {
+            pattern,
+            to_texture: *to_world,
+        };
+        let texture = match class {
             "constant" => return value(self, "value", 1.0),
-            "scale" => {
-                let (a, b) = (value(self, "tex1", 1.0)?, value(self, "tex2", 1.0)?);
-                return Ok(Arc::new(Texture::Scale(a, b)));
-            }
-            "imagemap" => return self.image_map(d, is_float),
-            "mix" => {
-                let (a, b) = (value(self, "tex1", 0.0)?, value(self, "tex2", 1.0)?);
-                let amount = self.float_texture(&d.params, "amount")?;
-                let amount = amount.map_or(0.5, |amount| mean(&amount)[0]);
-                let [m, n] = [mean(&a), mean(&b)];
-                let mixed = std::array::from_fn(|i| (1.0 - amount) * m[i] + amount * n[i]);
-                if let (Texture::Constant(_), Texture::Constant(_)) = (&*a, &*b) {
-                    return Ok(constant(mixed));
-                }
-                self.replaced(d.span, &what, "the mix of its textures' means");
-                mixed
-            }
+            "scale" => Texture::Scale(value(self, "tex1", 1.0)?, value(self, "tex2", 1.0)?),
+            "imagemap" => return self.image_map(d, is_float, to_world),
+            "mix" => Texture::Mix {
+                from: value(self, "tex1", 0.0)?,
+                to: value(self, "tex2", 1.0)?,
+                amount: self
+                    .float_texture(&d.params, "amount")?
+                    .unwrap_or_else(|| constant([0.5; 3])),
+            },
             "checkerboard" => {
-                let both = [value(self, "tex1", 1.0)?, value(self, "tex2", 0.0)?];
-                self.replaced(d.span, &what, "the mean of its two textures");
-                average(&both)
+                let (even, odd) = (value(self, "tex1", 1.0)?, value(self, "tex2", 0.0)?);
+                match d.params.integer(self.s, "dimension")? {
+                    None | Some(2) => Texture::Checkerboard {
+                        even,
+                        odd,
+                        mapping: self.mapping(d, to_world)?,
+                        filtered: match d.params.text(self.s, "aamode")? {
+                            None | Some("closedform") => true,
+                            Some("none") => false,
+                            Some(other) => {
+                                return Err(self.s.error(
+                                    d.span,
+                                    format!(
+                                        "\"{}\" is not an aamode; there are \"closedform\" and \
+                                         \"none\"",
+                                        shortened(other)
+                                    ),
+                                ));
+                            }
+                        },
+                    },
+                    Some(3) => Texture::Checkerboard3 {
+                        even,
+                        odd,
+                        to_texture: *to_world,
+                    },
+                    Some(other) => {
+                        return Err(self.s.error(
+                            d.span,
+                            format!("a \"checkerboard\" has 2 or 3 dimensions, not {other}"),
+                        ));
+                    }
+                }
             }
             "bilerp" => {
-                let corners = [
-                    value(self, "v00", 0.0)?,
-                    value(self, "v01", 1.0)?,
-                    value(self, "v10", 0.0)?,
-                    value(self, "v11", 1.0)?,
-                ];
-                self.replaced(d.span, &what, "the mean of its four values");
-                average(&corners)
+                let mut corners = [[0.0; 3], [1.0; 3], [0.0; 3], [1.0; 3]];
+                for (corner, name) in corners.iter_mut().zip(["v00", "v01", "v10", "v11"]) {
+                    *corner = if is_float {
+                        [self.float(d, name, corner[0])?; 3]
+                    } else {
+                        self.color(&d.params, name, *corner)?
+                    };
+                }
+                Texture::Bilerp {
+                    corners,
+                    mapping: self.mapping(d, to_world)?,
+                }
             }
-            "dots" => {
-                let outside = value(self, "outside", 0.0)?;
-                self.replaced(d.span, &what, "its texture outside the dots");
-                d.params.ignore_all();
-                return Ok(outside);
-            }
+            "uv" => Texture::Uv {
+                mapping: self.mapping(d, to_world)?,
+            },
+            "dots" => Texture::Dots {
+                inside: value(self, "inside", 1.0)?,
+                outside: value(self, "outside", 0.0)?,
+                mapping: self.mapping(d, to_world)?,
+            },
+            "fbm" => noise(Pattern::Fbm {
+                octaves: octaves()?,
+                roughness: self.float(d, "roughness", 0.5)?,
+            }),
+            "wrinkled" => noise(Pattern::Wrinkled {
+                octaves: octaves()?,
+                roughness: self.float(d, "roughness", 0.5)?,
+            }),
+            "windy" => noise(Pattern::Windy),
+            "marble" => noise(Pattern::Marble {
+                octaves: octaves()?,
+                roughness: self.float(d, "roughness", 0.5)?,
+                scale: self.float(d, "scale", 1.0)?,
+                variation: self.float(d, "variation", 0.2)?,
+            }),
             _ => {
+                let what = format!("the texture class \"{}\"", shortened(class));
                 self.replaced(d.span, &what, "a middle grey");
-                MIDDLE_GRAY
+                d.params.ignore_all();
+                Texture::Constant(MIDDLE_GRAY)
             }
         };
-        d.params.ignore_all();
-        Ok(constant(color))
+        Ok(Arc::new(texture))
     }
 
-    fn image_map(&mut self, d: &Directive, is_float: bool) -> Result<TextureRef, SceneError> {
+    /// How a texture of two dimensions lies on surfaces.
+    fn mapping(&mut self, d: &Directive, to_world: &Transform) -> Result<Mapping, SceneError> {
+        let to_texture = to_world.inverse();
+        Ok(match d.params.text(self.s, "mapping")? {
+            None | Some("uv") => Mapping::Uv {
+                scale: [self.float(d, "uscale", 1.0)?, self.float(d, "vscale", 1.0)?],
+                shift: [self.float(d, "udelta", 0.0)?, self.float(d, "vdelta", 0.0)?],
+            },
+            Some("spherical") => Mapping::Spherical { to_texture },
+            Some("cylindrical") => Mapping::Cylindrical { to_texture },
+            Some("planar") => {
+                let axis = |name: &str, default: [f32; 3]| -> Result<[f32; 3], SceneError> {
+                    let axis = d.params.triple(self.s, name, Type::Vector3)?;
+                    Ok(axis.unwrap_or(default))
+                };
+                Mapping::Planar {
+                    axes: [axis("v1", [1.0, 0.0, 0.0])?, axis("v2", [0.0, 1.0, 0.0])?],
+                    shift: [self.float(d, "udelta", 0.0)?, self.float(d, "vdelta", 0.0)?],
+                }
+            }
+            Some(other) => {
+                let what = format!("the texture mapping \"{}\"", shortened(other));
+                self.replaced(d.span, &what, "the mapping \"uv\"");
+                Mapping::IDENTITY
+            }
+        })
+    }
+
+    /// The image that a directive names; `None` where there is no such file, which is warned about.
+    pub(crate) fn image(
+        &mut self,
+        d: &Directive,
+        name: &str,
+        decoding: Decoding,
+        without: &str,
+    ) -> Option<Arc<Image>> {
+        match (self.find)(name, d.span) {
+            Some(path) => Some(self.images.get(&path, decoding)),
+            None => {
+                self.notes.warn(
+                    &format!("image {name}"),
+                    || self.s.place(d.span),
+                    format!("there is no image \"{}\"; {without}", shortened(name)),
+                );
+                None
+            }
+        }
+    }
+
+    fn image_map(
+        &mut self,
+        d: &Directive,
+        is_float: bool,
+        to_world: &Transform,
+    ) -> Result<TextureRef, SceneError> {
         let Some(name) = d.params.text(self.s, "filename")? else {
             return Err(self.s.error(
                 d.span,
                 "an \"imagemap\" takes \"string filename\", which is not given",
             ));
         };
-        // Filtering is the renderer's own.
-        d.params.ignore(&["trilinear", "maxanisotropy"]);
-        let mapping = match d.params.text(self.s, "mapping")? {
-            None | Some("uv") => {
-                let float = |name: &str, default: f32| -> Result<f32, SceneError> {
-                    Ok(d.params.float(self.s, name)?.unwrap_or(default))
-                };
-                [
-                    float("uscale", 1.0)?,
-                    float("vscale", 1.0)?,
-                    float("udelta", 0.0)?,
-                    float("vdelta", 0.0)?,
-                ]
-            }
-            Some(other) => {
-                let what = format!("the texture mapping \"{}\"", shortened(other));
-                self.replaced(d.span, &what, "the mapping \"uv\"");
-                d.params
-                    .ignore(&["v1", "v2", "udelta", "vdelta", "uscale", "vscale"]);
-                [1.0, 1.0, 0.0, 0.0]
-            }
+        let mapping = self.mapping(d, to_world)?;
+        let trilinear = d.params.bool(self.s, "trilinear")?.unwrap_or(false);
+        let max_anisotropy = self.float(d, "maxanisotropy", 8.0)?;
+        let filter = if trilinear {
+            ImageFilter::Trilinear
+        } else {
+            ImageFilter::Elliptic { max_anisotropy }
         };
         let wrap = match d.params.text(self.s, "wrap")? {
             None | Some("repeat") => Wrap::Repeat,
@@ -282,39 +353,27 @@ impl Maker<'_> {
                 .iter()
                 .any(|end| lower.ends_with(end))
         });
-        let scale = d.params.float(self.s, "scale")?.unwrap_or(1.0);
-        let path = (self.find)(name, d.span);
+        let scale = self.float(d, "scale", 1.0)?;
         let decoding = Decoding {
             srgb,
-            gray: is_float,
+            channels: if is_float {
+                Channels::Luminance
+            } else {
+                Channels::Color
+            },
+            wrap,
         };
-        let image = match path {
-            None => Err("there is no such file".to_owned()),
-            Some(path) => self.images.get(&path, decoding),
-        };
-        let texture = match image {
-            Ok(image) => Arc::new(Texture::Image {
-                image,
-                mapping,
-                wrap,
-            }),
-            Err(reason) => {
-                self.notes.warn(
-                    &format!("image {name}"),
-                    || self.s.place(d.span),
-                    format!(
-                        "the image \"{}\" cannot be read ({reason}); rendered as a middle grey",
-                        shortened(name)
-                    ),
-                );
-                constant(MIDDLE_GRAY)
-            }
-        };
-        Ok(if scale == 1.0 {
-            texture
-        } else {
-            Arc::new(Texture::Scale(constant([scale; 3]), texture))
-        })
+        Ok(
+            match self.image(d, name, decoding, "rendered white, as pbrt-v3 does") {
+                Some(image) => Arc::new(Texture::Image {
+                    image,
+                    mapping,
+                    filter,
+                    scale,
+                }),
+                None => constant([scale; 3]),
+            },
+        )
     }
 }
 

@@ -11,7 +11,7 @@ use glam::{DMat4, DVec3};
 use super::directive::{Directive, Parser, Word};
 use super::lexer::shortened;
 use super::materials::{self, Definition, NamedMaterials};
-use super::params::Params;
+use super::params::{Param, Params, Values};
 use super::settings::{self, Settings};
 use super::shapes::{self, Source};
 use super::source::Span;
@@ -22,7 +22,9 @@ use crate::scene::geometry::Notes;
 use crate::scene::image_file::Images;
 use crate::scene::light::{AreaLight, Light};
 use crate::scene::material::Material;
-use crate::scene::{LoadOptions, Scene};
+use crate::scene::settings::{Filter, SamplerKind};
+use crate::scene::texture::{Texture, TextureRef};
+use crate::scene::{Contents, LoadOptions, Scene};
 use crate::transform::Transform;
 
 /// What directives change and blocks bring back.
@@ -36,6 +38,8 @@ struct State {
     area_light: Option<AreaLight>,
     textures: Rc<NamedTextures>,
     named_materials: Rc<NamedMaterials>,
+    /// pbrt-v4: what parameters are given for, and the parameters.
+    attributes: Vec<(String, Param)>,
 }
 
 /// A block that is open: its first directive and the state before it.
@@ -55,6 +59,8 @@ struct Piece {
     reversed: bool,
     material: u32,
     area_light: Option<AreaLight>,
+    alpha: Option<TextureRef>,
+    shadow_alpha: Option<TextureRef>,
     /// A copy of a shape of an object.
     is_instance: bool,
 }
@@ -63,6 +69,7 @@ struct World<'a> {
     parser: Parser<'a>,
     notes: Notes,
     images: Images,
+    contents: Contents,
     settings: Settings,
     state: State,
     blocks: Vec<Block>,
@@ -99,6 +106,10 @@ pub(crate) fn load(path: &Path, name: &str, options: &LoadOptions) -> Result<Sce
         parser: Parser::new(path, &options.defines, &options.search)?,
         notes: Notes::default(),
         images: Images::default(),
+        contents: Contents {
+            format: "pbrt-v3".to_owned(),
+            ..Contents::default()
+        },
         settings: Settings::default(),
         state: State {
             to_world: Transform::IDENTITY,
@@ -108,6 +119,7 @@ pub(crate) fn load(path: &Path, name: &str, options: &LoadOptions) -> Result<Sce
             area_light: None,
             textures: Rc::default(),
             named_materials: Rc::default(),
+            attributes: Vec::new(),
         },
         blocks: Vec::new(),
         world: None,
@@ -121,6 +133,21 @@ pub(crate) fn load(path: &Path, name: &str, options: &LoadOptions) -> Result<Sce
         coordinate_systems: HashMap::new(),
         subdivision_levels: options.subdivision_levels,
     };
+    if world.parser.is_v4 {
+        world.contents.format = "pbrt-v4".to_owned();
+        // Its defaults, in pbrt-v3's words.
+        world.settings.filter = Filter::Gaussian {
+            radius: [1.5; 2],
+            alpha: 2.0,
+        };
+        world.settings.sampler.kind = SamplerKind::Sobol;
+    }
+    if world.parser.is_part {
+        world.world = Some(start);
+        let place = world.parser.sources.place(start);
+        let text = "a part of a scene, without camera or light; they were chosen to suit it";
+        world.notes.tell(place, text.to_owned());
+    }
     while let Some(directive) = world.parser.next()? {
         if world.ended {
             let place = world.parser.sources.place(directive.span);
@@ -131,8 +158,10 @@ pub(crate) fn load(path: &Path, name: &str, options: &LoadOptions) -> Result<Sce
             );
             break;
         }
+        world.report_missing();
         world.take(directive)?;
     }
+    world.report_missing();
     world.finish(name)
 }
 
@@ -164,8 +193,22 @@ impl World<'_> {
         make(&mut maker, &mut self.materials)
     }
 
-    fn take(&mut self, d: Directive) -> Result<(), SceneError> {
+    fn take(&mut self, mut d: Directive) -> Result<(), SceneError> {
         self.check_section(&d)?;
+        // pbrt-v4: parameters that are given for all directives of a kind.
+        for (of, param) in &self.state.attributes {
+            let applies = match of.as_str() {
+                "shape" => d.word == Word::Shape,
+                "light" => matches!(d.word, Word::LightSource | Word::AreaLightSource),
+                "material" => matches!(d.word, Word::Material | Word::MakeNamedMaterial),
+                "texture" => d.word == Word::Texture,
+                _ => false,
+            };
+            if applies && !d.params.has(&param.name) {
+                d.params.list.push(param.clone());
+            }
+        }
+        self.count(&d);
         let s = &self.parser.sources;
         match d.word {
             Word::Accelerator => {
@@ -267,6 +310,23 @@ impl World<'_> {
                 self.ended = true;
             }
 
+            Word::Attribute => {
+                d.params.ignore_all();
+                for param in &d.params.list {
+                    self.state
+                        .attributes
+                        .push((d.name().to_owned(), param.clone()));
+                }
+            }
+            Word::ColorSpace => {
+                if d.name() != "srgb" {
+                    let text = format!(
+                        "the colour space \"{}\" is not supported; colours are taken as sRGB's",
+                        shortened(d.name())
+                    );
+                    self.warn("color space", d.span, text);
+                }
+            }
             Word::ReverseOrientation => self.state.reversed = !self.state.reversed,
             Word::MakeNamedMedium | Word::MediumInterface => {
                 d.params.ignore_all();
@@ -311,6 +371,34 @@ impl World<'_> {
         Ok(())
     }
 
+    /// Notes what kind of thing the directive asks for.
+    fn count(&mut self, d: &Directive) {
+        let (what, kind) = match d.word {
+            Word::Camera => ("camera", d.name()),
+            Word::Integrator => ("integrator", d.name()),
+            Word::Sampler => ("sampler", d.name()),
+            Word::PixelFilter => ("filter", d.name()),
+            Word::Shape => ("shape", d.name()),
+            Word::LightSource => ("light", d.name()),
+            Word::AreaLightSource => ("area light", d.name()),
+            Word::Material => ("material", d.name()),
+            Word::Texture => ("texture", d.names[2].as_str()),
+            Word::MakeNamedMaterial => {
+                let kind = d.params.list.iter().find(|param| param.name == "type");
+                match kind.map(|param| &param.values) {
+                    Some(Values::Texts(texts)) if texts.len() == 1 => {
+                        ("material", texts[0].as_str())
+                    }
+                    _ => return,
+                }
+            }
+            Word::ObjectBegin => ("object", "definition"),
+            Word::ObjectInstance => ("object", "instance"),
+            _ => return,
+        };
+        self.contents.count(what, kind);
+    }
+
     /// Settings stand before WorldBegin, the world's content after it.
     fn check_section(&self, d: &Directive) -> Result<(), SceneError> {
         let name = d.word.name();
@@ -352,6 +440,18 @@ impl World<'_> {
                 ))
             }
             _ => Ok(()),
+        }
+    }
+
+    /// Names the files that were to be included and are not there.
+    fn report_missing(&mut self) {
+        for (name, span) in std::mem::take(&mut self.parser.missing) {
+            let text = format!(
+                "there is no file \"{}\" to include; rendered without it. It is looked for beside \
+                 the file that includes it, beside the scene's main file and on the search path",
+                shortened(&name)
+            );
+            self.warn(&format!("file {name}"), span, text);
         }
     }
 
@@ -504,7 +604,8 @@ impl World<'_> {
                 ));
             }
         };
-        let texture = self.with_maker(|maker, _| maker.texture(d, is_float))?;
+        let to_world = self.state.to_world;
+        let texture = self.with_maker(|maker, _| maker.texture(d, is_float, &to_world))?;
         let named = Rc::make_mut(&mut self.state.textures);
         let map = if is_float {
             &mut named.floats
@@ -542,7 +643,27 @@ impl World<'_> {
             Some(params) => self.define(&base.kind, &params, base.span)?.index,
             None => base.index,
         };
-        let shines = self.state.area_light.is_some();
+        // A number of an alpha matters only where it is 0: nothing is there.
+        let mask = |maker: &mut Maker<'_>, name: &str| -> Result<Option<TextureRef>, SceneError> {
+            let mask = maker.float_texture(&d.params, name)?;
+            Ok(mask.filter(|mask| !matches!(**mask, Texture::Constant([v, ..]) if v != 0.0)))
+        };
+        let (alpha, shadow_alpha) =
+            self.with_maker(|maker, _| Ok((mask(maker, "alpha")?, mask(maker, "shadowalpha")?)))?;
+        let mut area_light = self.state.area_light.clone();
+        if let Some(area_light) = &mut area_light {
+            // As pbrt-v3 has it: the light comes into being with its shape.
+            area_light.after = self.lights.len() as u32;
+        }
+        if self.object.is_some() && area_light.take().is_some() {
+            self.warn(
+                "area light of an object",
+                d.span,
+                "shapes of objects do not shine, as in pbrt-v3; rendered without their light"
+                    .to_owned(),
+            );
+        }
+        let shines = area_light.is_some();
         let parser = &self.parser;
         let find = |name: &str, span: Span| parser.find(name, span);
         let levels = self.subdivision_levels;
@@ -556,7 +677,9 @@ impl World<'_> {
             to_world: self.state.to_world,
             reversed: self.state.reversed,
             material,
-            area_light: self.state.area_light.clone(),
+            area_light,
+            alpha,
+            shadow_alpha,
             is_instance: false,
         };
         match &mut self.object {

@@ -108,7 +108,11 @@ impl Parser<'_> {
         if count == 0 {
             return Err(self.error(span, format!("\"{name}\" has no values")));
         }
-        let arity = if texts { 1 } else { ty.arity() };
+        let arity = match ty {
+            _ if texts => 1,
+            Type::Blackbody if self.is_v4 => 1,
+            ty => ty.arity(),
+        };
         if !count.is_multiple_of(arity) {
             return Err(self.error(
                 span,

@@ -1,16 +1,18 @@
 //! From what the directives gave to the scene.
 
-use std::collections::HashMap;
-use std::path::PathBuf;
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::World;
 use crate::error::SceneError;
-use crate::scene::geometry::{Geometry, Placed, assemble};
+use crate::scene::geometry::{Geometry, LocalSurface, Placed, assemble};
 use crate::scene::pbrt::shapes::Source;
 use crate::scene::pbrt::source::Span;
+use crate::scene::view::{self, Up};
 use crate::scene::{Scene, ply};
 
 impl World<'_> {
@@ -25,32 +27,49 @@ impl World<'_> {
         if let Some(block) = self.blocks.last() {
             return Err(self.not_closed(block));
         }
-        if !self.ended {
+        if !self.ended && !self.parser.is_v4 && !self.parser.is_part {
             return Err(self.error(world, "this WorldBegin has no WorldEnd"));
         }
         let placed = self.placed()?;
+        let triangles_of = |copies: bool| -> u64 {
+            let pieces = self.pieces.iter().zip(&placed);
+            pieces
+                .filter(|(piece, _)| piece.is_instance == copies)
+                .map(|(_, placed)| placed.geometry.triangles.len() as u64)
+                .sum()
+        };
+        self.contents.instanced_triangles = triangles_of(true);
+        self.contents.unique_triangles = triangles_of(false) + self.triangles_of_objects(&placed);
         if let Some((count, span)) = self.instances {
-            let triangles: usize = self
-                .pieces
-                .iter()
-                .zip(&placed)
-                .filter(|(piece, _)| piece.is_instance)
-                .map(|(_, placed)| placed.geometry.triangles.len())
-                .sum();
+            self.contents.instances = count as u64;
             self.notes.tell(
                 self.parser.sources.place(span),
                 format!(
-                    "{count} object instances copied into the mesh: {triangles} triangles \
-                     (the first is here)"
+                    "{count} object instances copied into the mesh: {} triangles \
+                     (the first is here)",
+                    self.contents.instanced_triangles
                 ),
             );
         }
-        let assembled = assemble(&placed).map_err(|message| self.error(world, message))?;
+        // Only the placed pieces have the triangles now: a single one is not copied.
+        self.pieces.clear();
+        self.objects.clear();
+        let assembled = assemble(placed).map_err(|message| self.error(world, message))?;
+        if self.parser.is_part {
+            let bounds = assembled.mesh.bounds();
+            let (towards_eye, towards_sun) =
+                (DVec3::new(0.62, 0.42, 0.8), DVec3::new(-0.3, 0.9, 0.6));
+            let up = Up::guessed(Up::Y, &bounds);
+            self.settings.camera =
+                view::fitted(&bounds, assembled.mesh.positions(), towards_eye, up);
+            self.lights = view::daylight(towards_sun);
+        }
         Ok(Scene {
             name: name.to_owned(),
             mesh: assembled.mesh,
             normals: assembled.normals,
             uvs: assembled.uvs,
+            colors: vec![],
             shapes: assembled.shapes,
             materials: self.materials,
             lights: self.lights,
@@ -60,11 +79,31 @@ impl World<'_> {
             sampler: self.settings.sampler,
             integrator: self.settings.integrator,
             accelerator: self.settings.accelerator,
+            contents: self.contents,
             notes: self.notes.into_list(),
         })
     }
 
-    /// The pieces with their triangles, in order; every PLY file is read once, many at a time.
+    /// Triangles of objects that have instances, each object once.
+    fn triangles_of_objects(&self, placed: &[Placed]) -> u64 {
+        let mut seen = HashSet::new();
+        self.pieces
+            .iter()
+            .zip(placed)
+            .filter(|(piece, placed)| {
+                piece.is_instance
+                    && seen.insert((
+                        piece.span.file,
+                        piece.span.offset,
+                        Arc::as_ptr(&placed.geometry),
+                    ))
+            })
+            .map(|(_, placed)| placed.geometry.triangles.len() as u64)
+            .sum()
+    }
+
+    /// The pieces with their triangles, in order; every PLY file and every image is read once, many
+    /// at a time.
     fn placed(&mut self) -> Result<Vec<Placed>, SceneError> {
         let mut files: Vec<(&PathBuf, Span)> = Vec::new();
         let mut numbers: HashMap<&PathBuf, usize> = HashMap::new();
@@ -76,8 +115,26 @@ impl World<'_> {
                 });
             }
         }
-        let read: Vec<Result<ply::PlyMesh, SceneError>> =
-            files.par_iter().map(|(path, _)| ply::read(path)).collect();
+        let images = &self.images;
+        // Images and meshes at the same time.
+        let (unread, read): (_, Vec<Result<ply::PlyMesh, SceneError>>) = rayon::join(
+            || images.read(),
+            || files.par_iter().map(|(path, _)| ply::read(path)).collect(),
+        );
+        let missing: HashSet<&Path> = unread.iter().map(|(path, _)| *path).collect();
+        self.contents.images = images
+            .paths()
+            .filter(|path| !missing.contains(path))
+            .map(Path::to_owned)
+            .collect();
+        for (path, reason) in unread {
+            let path = path.display().to_string();
+            self.notes.warn(
+                &format!("image {path}"),
+                || path.clone(),
+                format!("the image cannot be read ({reason}); rendered white, as pbrt-v3 does"),
+            );
+        }
         let mut geometries: Vec<Arc<Geometry>> = Vec::with_capacity(files.len());
         // In the order of the file: which error is told does not depend on the threads.
         for (mesh, (path, span)) in read.into_iter().zip(&files) {
@@ -99,13 +156,19 @@ impl World<'_> {
         }
         let placed = self.pieces.iter().map(|piece| Placed {
             geometry: match &piece.source {
-                Source::Ready(geometry) => Arc::clone(geometry),
+                Source::Ready(geometry, _) => Arc::clone(geometry),
                 Source::Ply { path } => Arc::clone(&geometries[numbers[path]]),
             },
             to_world: piece.to_world,
             reversed: piece.reversed,
             material: piece.material,
             area_light: piece.area_light.clone(),
+            surface: match piece.source {
+                Source::Ready(_, surface) => surface,
+                Source::Ply { .. } => LocalSurface::Flat,
+            },
+            alpha: piece.alpha.clone(),
+            shadow_alpha: piece.shadow_alpha.clone(),
         });
         Ok(placed.collect())
     }

@@ -1,0 +1,264 @@
+//! Scenes in pbrt's words whose radiance is known.
+
+use splitplane::{BuildParams, Tree};
+use splitplane_render::render::{RenderSettings, Rendered, render};
+use splitplane_render::scene::{LoadOptions, Scene, load};
+
+/// A scene of 8 x 8 pixels that looks from the origin along +z, nearly at a single point.
+fn scene(integrator: &str, world: &str) -> Scene {
+    whole(&format!(
+        "Film \"image\" \"integer xresolution\" 8 \"integer yresolution\" 8\n\
+         Camera \"perspective\" \"float fov\" 0.2\n\
+         Integrator \"{integrator}\" \"integer maxdepth\" 4\n\
+         WorldBegin\n{world}\nWorldEnd\n"
+    ))
+}
+
+fn whole(text: &str) -> Scene {
+    let folder = tempfile::tempdir().unwrap();
+    let white = image::RgbImage::from_pixel(8, 4, image::Rgb([255; 3]));
+    white.save(folder.path().join("white.png")).unwrap();
+    let path = folder.path().join("test.pbrt");
+    std::fs::write(&path, text).unwrap();
+    load(&path.to_string_lossy(), &LoadOptions::default()).unwrap()
+}
+
+fn picture(scene: &Scene, samples: u32) -> Rendered {
+    let tree = Tree::build(&scene.mesh, "kd".parse().unwrap(), &BuildParams::default()).unwrap();
+    let settings = RenderSettings {
+        samples_per_pixel: Some(samples),
+        ..Default::default()
+    };
+    render(scene, &tree, &settings, &()).unwrap()
+}
+
+fn mean(scene: &Scene, samples: u32) -> f64 {
+    let picture = picture(scene, samples);
+    let sum: f64 = picture.radiance.iter().map(|p| f64::from(p[1])).sum();
+    sum / picture.radiance.len() as f64
+}
+
+const INTEGRATORS: [&str; 3] = ["path", "directlighting", "whitted"];
+
+/// A wall of reflectance one half across the view, two units away.
+const WALL: &str = "Material \"matte\" \"rgb Kd\" [.5 .5 .5]\n\
+    Shape \"trianglemesh\" \"integer indices\" [0 2 1 0 3 2] \
+    \"point P\" [-50 -50 2 50 -50 2 50 50 2 -50 50 2]\n";
+
+#[track_caller]
+fn expect(world: &str, expected: f64) {
+    for integrator in INTEGRATORS {
+        let value = mean(&scene(integrator, world), 64);
+        assert!(
+            (value / expected - 1.0).abs() < 0.015,
+            "{integrator}: {value}, expected {expected}"
+        );
+    }
+}
+
+#[test]
+fn a_sphere_shines_as_its_form_factor_says() {
+    // (radius / distance)² over the wall.
+    let light = "AttributeBegin\nTranslate 0 0 -3\nScale 2 2 2\n\
+        AreaLightSource \"diffuse\" \"rgb L\" [10 10 10]\nShape \"sphere\" \"float radius\" .5\n\
+        AttributeEnd\n";
+    expect(&format!("{WALL}{light}"), 0.5 * 10.0 / 25.0);
+    assert_eq!(scene("path", light).shapes.len(), 1);
+}
+
+#[test]
+fn a_disk_shines_as_its_form_factor_says() {
+    // radius² / (radius² + distance²); a disk shines along +z.
+    let light = "AttributeBegin\nTranslate 0 0 -3\nAreaLightSource \"diffuse\" \"rgb L\" [10 10 10]\n\
+        Shape \"disk\" \"float radius\" 2\nAttributeEnd\n";
+    expect(&format!("{WALL}{light}"), 0.5 * 10.0 * 4.0 / 29.0);
+}
+
+#[test]
+fn from_within_a_sphere_all_its_light_arrives() {
+    let light = "AttributeBegin\nReverseOrientation\nMaterial \"matte\" \"rgb Kd\" [0 0 0]\n\
+        AreaLightSource \"diffuse\" \"rgb L\" [3 3 3]\nShape \"sphere\" \"float radius\" 500\n\
+        AttributeEnd\n";
+    expect(&format!("{WALL}{light}"), 1.5);
+}
+
+#[test]
+fn lights_at_a_point_fall_off_with_the_square_of_the_distance() {
+    let expected = 0.5 / std::f64::consts::PI * 8.0 / 4.0;
+    for light in [
+        "\"point\" \"rgb I\" [8 8 8]",
+        "\"goniometric\" \"rgb I\" [8 8 8]",
+        "\"goniometric\" \"rgb I\" [8 8 8] \"string mapname\" \"white.png\"",
+        "\"projection\" \"rgb I\" [8 8 8]",
+        "\"projection\" \"rgb I\" [8 8 8] \"string mapname\" \"white.png\"",
+        "\"spot\" \"rgb I\" [8 8 8]",
+    ] {
+        expect(&format!("{WALL}LightSource {light}\n"), expected);
+    }
+}
+
+#[test]
+fn a_spot_falls_off_by_the_fourth_power_between_its_cones() {
+    // 25 degrees off the axis, half way between the cosines of 20 and about 29.25 degrees.
+    let inner = 20f64.to_radians().cos();
+    let here = 25f64.to_radians().cos();
+    let outer = here - (inner - here);
+    let cone = outer.acos().to_degrees();
+    let light = format!(
+        "Rotate 25 0 1 0\nLightSource \"spot\" \"rgb I\" [8 8 8] \"float coneangle\" {cone} \
+         \"float conedelta\" {}\n",
+        cone - 20.0
+    );
+    let expected = 0.5 / std::f64::consts::PI * 8.0 / 4.0 / 16.0;
+    expect(&format!("{WALL}{light}"), expected);
+}
+
+#[test]
+fn a_sky_with_a_white_map_is_the_sky_without() {
+    for map in [
+        "",
+        "\"string mapname\" \"white.png\"",
+        "\"string mapname\" \"gone.png\"",
+    ] {
+        let sky = format!("Rotate 40 1 2 3\nLightSource \"infinite\" \"rgb L\" [4 4 4] {map}\n");
+        expect(&format!("{WALL}{sky}"), 2.0);
+    }
+}
+
+#[test]
+fn materials_reflect_what_their_parts_add_up_to() {
+    let wall = WALL.lines().nth(1).unwrap();
+    for (material, expected) in [
+        ("\"matte\" \"rgb Kd\" [.8 .8 .8]", 0.8),
+        (
+            "\"translucent\" \"rgb Kd\" [1 1 1] \"rgb Ks\" [0 0 0] \"rgb reflect\" [.3 .3 .3] \
+             \"rgb transmit\" [.4 .4 .4]",
+            0.7,
+        ),
+        (
+            "\"mix\" \"string namedmaterial1\" \"a\" \"string namedmaterial2\" \"b\" \
+          \"rgb amount\" [.25 .25 .25]",
+            0.25 * 0.2 + 0.75 * 0.8,
+        ),
+        // Nothing is bumped where the height is the same everywhere.
+        ("\"matte\" \"rgb Kd\" [.8 .8 .8] \"float bumpmap\" 3", 0.8),
+        // Squares much smaller than the wall that is seen.
+        ("\"matte\" \"texture Kd\" \"small\"", 0.5),
+    ] {
+        let world = format!(
+            "LightSource \"infinite\" \"rgb L\" [1 1 1]\n\
+             Texture \"small\" \"color\" \"checkerboard\" \"float uscale\" 1e6 \"float vscale\" 1e6\n\
+             MakeNamedMaterial \"a\" \"string type\" \"matte\" \"rgb Kd\" [.2 .2 .2]\n\
+             MakeNamedMaterial \"b\" \"string type\" \"matte\" \"rgb Kd\" [.8 .8 .8]\n\
+             Material {material}\n{wall}\n"
+        );
+        expect(&world, expected);
+    }
+}
+
+#[test]
+fn a_metal_mirrors_what_its_formula_says_at_normal_incidence() {
+    let wall = WALL.lines().nth(1).unwrap();
+    let metal = "Material \"metal\" \"rgb eta\" [.2 .9 1.1] \"rgb k\" [3.9 2.4 2.1] \
+        \"float roughness\" .02 \"bool remaproughness\" \"false\"\n";
+    let sky = "LightSource \"infinite\" \"rgb L\" [1 1 1]\n";
+    let (n, k): (f64, f64) = (0.9, 2.4);
+    let expected = ((n - 1.0).powi(2) + k * k) / ((n + 1.0).powi(2) + k * k);
+    let value = mean(&scene("path", &format!("{sky}{metal}{wall}\n")), 64);
+    assert!((value / expected - 1.0).abs() < 0.01, "{value} {expected}");
+}
+
+#[test]
+fn a_slab_of_glass_lets_through_what_its_two_sides_do() {
+    // Both sides reflect r; with all echoes between them (1 - r) / (1 + r) gets through.
+    let slab = "AttributeBegin\nMaterial \"glass\" \"float eta\" 1.5\n\
+        Shape \"trianglemesh\" \"integer indices\" [0 2 1 0 3 2] \
+        \"point P\" [-9 -9 1 9 -9 1 9 9 1 -9 9 1]\n\
+        Shape \"trianglemesh\" \"integer indices\" [0 1 2 0 2 3] \
+        \"point P\" [-9 -9 1.5 9 -9 1.5 9 9 1.5 -9 9 1.5]\nAttributeEnd\n";
+    let lamp = "Material \"matte\" \"rgb Kd\" [0 0 0]\n\
+        AreaLightSource \"diffuse\" \"rgb L\" [10 10 10]\n\
+        Shape \"trianglemesh\" \"integer indices\" [0 2 1 0 3 2] \
+        \"point P\" [-50 -50 2 50 -50 2 50 50 2 -50 50 2]\n";
+    let r = 0.04;
+    let expected = 10.0 * (1.0 - r) / (1.0 + r);
+    for integrator in INTEGRATORS {
+        let value = mean(&scene(integrator, &format!("{slab}{lamp}")), 256);
+        assert!(
+            (value / expected - 1.0).abs() < 0.01,
+            "{integrator}: {value} {expected}"
+        );
+    }
+}
+
+#[test]
+fn where_alpha_is_zero_there_is_nothing() {
+    let light = "LightSource \"point\" \"rgb I\" [8 8 8]\n";
+    let expected = 0.5 / std::f64::consts::PI * 8.0 / 4.0;
+    let screen = |alpha: &str| {
+        format!(
+            "Texture \"half\" \"float\" \"checkerboard\" \"float uscale\" 2 \"float vscale\" 2\n\
+             Shape \"trianglemesh\" \"integer indices\" [0 1 2 0 2 3] \
+             \"point P\" [-9 -9 1 9 -9 1 9 9 1 -9 9 1] \"float uv\" [.5 .0 1 0 1 .5 .5 .5] {alpha}\n"
+        )
+    };
+    // (0.75, 0.25) lies in an odd square, where the texture is 0.
+    for alpha in ["\"float alpha\" 0", "\"texture alpha\" \"half\""] {
+        expect(&format!("{WALL}{light}{}", screen(alpha)), expected);
+    }
+    // The wall behind is dark, the screen itself is seen.
+    let whole = mean(&scene("path", &format!("{WALL}{light}{}", screen(""))), 4);
+    assert!((whole / (4.0 * expected) - 1.0).abs() < 0.01, "{whole}");
+    // Seen, but without a shadow: from the light's far side.
+    let behind = "AttributeBegin\nTranslate 0 0 -1\nLightSource \"point\" \"rgb I\" [18 18 18]\n\
+        AttributeEnd\n";
+    let mut shadowless = screen("\"float shadowalpha\" 0");
+    shadowless = shadowless
+        .replace("9 1 ", "9 -.5 ")
+        .replace("9 1]", "9 -.5]");
+    // Black: it would light the wall otherwise.
+    let black = "Material \"matte\" \"rgb Kd\" [0 0 0]\n";
+    expect(
+        &format!("{WALL}{behind}{black}{shadowless}"),
+        0.5 / std::f64::consts::PI * 2.0,
+    );
+}
+
+#[test]
+fn both_spellings_of_a_scene_are_the_same_picture() {
+    let v3 = whole(
+        "Film \"image\" \"integer xresolution\" 16 \"integer yresolution\" 16\n\
+         PixelFilter \"box\"\nSampler \"halton\" \"integer pixelsamples\" 4\nCamera \"perspective\"\n\
+         WorldBegin\nLightSource \"infinite\" \"rgb L\" [2 2 2]\n\
+         MakeNamedMaterial \"m\" \"string type\" \"matte\" \"rgb Kd\" [.2 .4 .6]\n\
+         NamedMaterial \"m\"\nTranslate 0 0 4\nShape \"sphere\"\n\
+         Material \"metal\" \"rgb eta\" [.2 .9 1.1] \"rgb k\" [3.9 2.4 2.1] \
+         \"float roughness\" .3 \"bool remaproughness\" \"false\"\nTranslate 1 0 0\n\
+         Shape \"sphere\" \"float radius\" .5\nWorldEnd\n",
+    );
+    let v4 = whole(
+        "Option \"bool disablepixeljitter\" false\n\
+         Film \"rgb\" \"integer xresolution\" 16 \"integer yresolution\" 16\n\
+         PixelFilter \"box\"\nSampler \"halton\" \"integer pixelsamples\" 4\nCamera \"perspective\"\n\
+         WorldBegin\nLightSource \"infinite\" \"rgb L\" [1 1 1] \"float scale\" 2\n\
+         MakeNamedMaterial \"m\" \"string type\" \"diffuse\" \"rgb reflectance\" [.2 .4 .6]\n\
+         NamedMaterial \"m\"\nTranslate 0 0 4\nShape \"sphere\"\n\
+         Material \"conductor\" \"rgb eta\" [.2 .9 1.1] \"rgb k\" [3.9 2.4 2.1] \
+         \"float roughness\" .3 \"bool remaproughness\" false\nTranslate 1 0 0\n\
+         Attribute \"shape\" \"float radius\" .5\nShape \"sphere\"\n",
+    );
+    assert_eq!(
+        (v3.contents.format.as_str(), v4.contents.format.as_str()),
+        ("pbrt-v3", "pbrt-v4")
+    );
+    assert!(v4.notes.iter().all(|note| !note.warning), "{:?}", v4.notes);
+    assert_eq!(picture(&v3, 4).radiance, picture(&v4, 4).radiance);
+}
+
+#[test]
+fn a_part_of_a_scene_gets_a_camera_and_a_light() {
+    let part = whole("Shape \"sphere\"\n");
+    let picture = picture(&part, 1);
+    assert!(picture.radiance.iter().any(|p| p[1] > 0.1));
+    assert!(part.notes.iter().all(|note| !note.warning));
+}
