@@ -4,6 +4,7 @@
 mod bvh_crate;
 mod contender;
 mod embree;
+mod leaks;
 mod measure;
 mod obvhs_crate;
 mod ours;
@@ -69,6 +70,10 @@ struct Args {
     /// Seed of the rays
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// Measure nothing: cast so many rays of each set whose answers are certain, and count those
+    /// that are lost
+    #[arg(long, value_name = "RAYS", value_parser = clap::value_parser!(u64).range(1..))]
+    leaks: Option<u64>,
     /// Append the rows to this file, as JSON, one a line
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -86,6 +91,14 @@ struct Args {
 
 fn main() -> Result<()> {
     let args = Args::parse();
+    if let Some(rays) = args.leaks {
+        let table = leaks::markdown(&args.contenders, &leaks::leaks(&args.contenders, rays)?);
+        print!("{table}");
+        if let Some(path) = &args.markdown {
+            std::fs::write(path, table)?;
+        }
+        return Ok(());
+    }
     let rows = if args.from.is_empty() {
         let mut all = Vec::new();
         for scene in &args.scenes {

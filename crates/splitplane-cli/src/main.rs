@@ -36,6 +36,7 @@ fn main() -> ExitCode {
         Command::Reproduce(command) => commands::reproduce::run(&command),
         Command::Cast(command) => commands::cast::run(&command),
         Command::Slice(command) => commands::slice::run(&command),
+        Command::Verify(command) => commands::verify::run(&command),
         Command::Trees(command) => commands::trees::run(&command),
         Command::Scenes(command) => commands::scenes::run(&command),
     };

@@ -14,6 +14,7 @@ mod reproduce;
 mod run;
 mod slice;
 mod stats;
+pub mod verify;
 mod write;
 
 use std::path::PathBuf;

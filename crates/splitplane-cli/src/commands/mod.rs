@@ -9,3 +9,4 @@ pub mod scenes;
 pub mod slice;
 pub mod tree_page;
 pub mod trees;
+pub mod verify;

@@ -27,6 +27,7 @@ use crate::scene::settings::Integrator;
 use camera::CameraRays;
 use film::FilmPlan;
 use integrator::World;
+pub use interaction::leave;
 use light::Lights;
 use sampler::Sequence;
 

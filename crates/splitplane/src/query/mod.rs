@@ -1,5 +1,6 @@
 //! Rays against a tree.
 
+mod brute_force;
 mod traverse;
 
 use std::ops::ControlFlow;
@@ -7,6 +8,7 @@ use std::ops::ControlFlow;
 use crate::geometry::triangle::Shear;
 use crate::geometry::{Mesh, Ray};
 use crate::tree::{Tree, with_nodes};
+pub use brute_force::brute_force;
 pub(crate) use traverse::Place;
 use traverse::{Search, traverse};
 
