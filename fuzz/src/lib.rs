@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use splitplane::{BuildParams, Mesh, Ray, TREES, Ties, Tree, TreeChoice, brute_force};
+use splitplane::{BuildParams, Layout, Mesh, Ray, TREES, Ties, Tree, TreeChoice, brute_force};
 use splitplane_render::scene::{LoadOptions, Scene, load};
 
 /// What a target does with its bytes. It panics where something is wrong.
@@ -298,6 +298,9 @@ pub fn build_and_cast(bytes: &[u8]) {
     };
     let tree = Tree::build(&mesh, choice, &params).expect("a small mesh has a tree");
     tree.validate().expect("a tree is sound");
+    let wide = tree.clone().with_layout(Layout::Wide);
+    let wide = wide.expect("a small tree is stored in wide nodes");
+    let mut all = Vec::new();
     while let (Some(origin), Some(direction)) = (numbers.point(), numbers.point()) {
         let mut ray = Ray::new(origin, direction);
         if options & 8 != 0 {
@@ -307,12 +310,14 @@ pub fn build_and_cast(bytes: &[u8]) {
             (ray.t_min, ray.t_max) = (t_min, t_max);
         }
         let truth = brute_force(&mesh, &ray);
-        assert_eq!(tree.closest_hit(&ray, &mut ()), truth, "{choice}: {ray:?}");
-        assert_eq!(
-            tree.any_hit(&ray, &mut ()),
-            truth.is_some(),
-            "{choice}: {ray:?}"
-        );
+        for tree in [&tree, &wide] {
+            let case = || format!("{choice}, {}: {ray:?}", tree.layout());
+            assert_eq!(tree.closest_hit(&ray, &mut ()), truth, "{}", case());
+            let any = tree.any_hit(&ray, &mut ());
+            assert_eq!(any, truth.is_some(), "{}", case());
+            tree.all_hits(&ray, &mut all, &mut ());
+            assert_eq!(all.first(), truth.as_ref(), "{}", case());
+        }
     }
 }
 

@@ -3,7 +3,7 @@
 mod common;
 
 use common::{folder, hills_scene, outcome, splitplane};
-use splitplane::TREES;
+use splitplane::{Layout, TREES};
 
 #[test]
 fn every_tree_is_asked_and_none_is_wrong() {
@@ -11,15 +11,18 @@ fn every_tree_is_asked_and_none_is_wrong() {
     let (code, out, err) = outcome(splitplane(&folder).args(["verify", "--rays", "300"]));
     assert_eq!((code, err.as_str()), (0, ""), "{out}");
     for spec in TREES {
-        let line = out.lines().find(|line| {
-            let name = line.split_whitespace().next().unwrap_or_default();
-            name.split(':').next() == Some(spec.name)
-        });
-        let line = line.unwrap_or_else(|| panic!("{} has no line:\n{out}", spec.name));
-        assert!(
-            line.split_whitespace().skip(1).all(|cell| cell == "0"),
-            "{line}"
-        );
+        for layout in Layout::ALL {
+            let line = out.lines().find(|line| {
+                let mut words = line.split_whitespace();
+                let name = words.next().unwrap_or_default().trim_end_matches(',');
+                name.split(':').next() == Some(spec.name) && words.next() == Some(layout.name())
+            });
+            let line = line.unwrap_or_else(|| panic!("{}, {layout}:\n{out}", spec.name));
+            assert!(
+                line.split_whitespace().skip(2).all(|cell| cell == "0"),
+                "{line}"
+            );
+        }
     }
 }
 

@@ -354,6 +354,19 @@ impl TreeChoice {
     }
 }
 
+impl TreeChoice {
+    /// The name of the tree that is built where none is named: the best over the scenes that we
+    /// measure, for a build that a user still waits for.
+    pub const DEFAULT: &str = "wn+kd:6";
+}
+
+impl Default for TreeChoice {
+    /// The tree that [`TreeChoice::DEFAULT`] names.
+    fn default() -> Self {
+        TreeChoice::DEFAULT.parse().expect("a test parses it")
+    }
+}
+
 impl Directions {
     /// How many directions the thesis compares the trees with.
     fn default_count(self) -> u32 {
@@ -422,6 +435,11 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn the_default_is_a_tree() {
+        assert_eq!(TreeChoice::default().to_string(), TreeChoice::DEFAULT);
     }
 
     #[test]

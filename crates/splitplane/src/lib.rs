@@ -21,7 +21,7 @@
 //! when to stop is [`BuildParams`]. Every tree gives the hits of brute force, bit for bit.
 //! Papers are cited by their key in `REFERENCES.md`.
 
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 mod build;
 mod catalog;
@@ -35,7 +35,8 @@ pub use catalog::{Directions, ParseTreeError, TREES, TreeChoice, TreeSpec};
 pub use geometry::{Aabb, Mesh, MeshError, Ray, Skipped};
 pub use query::{Counters, Counts, Hit, Traversal, brute_force};
 pub use tree::{
-    Axis, NodeCounts, Section, SectionCell, SectionSegment, Tree, TreeCard, ValidateError,
+    Axis, Layout, NodeCounts, Section, SectionCell, SectionSegment, Tree, TreeCard, ValidateError,
+    WideCard,
 };
 
 #[cfg(test)]

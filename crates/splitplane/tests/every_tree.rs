@@ -1,7 +1,8 @@
 //! Every tree, on scenes that are hard in different ways, against testing every triangle.
 
 use splitplane::{
-    BuildParams, Counts, DepthLimit, Directions, Hit, Mesh, Ray, TREES, Ties, Tree, TreeChoice,
+    BuildParams, Counts, DepthLimit, Directions, Hit, Layout, Mesh, Ray, TREES, Ties, Tree,
+    TreeChoice,
 };
 
 mod common;
@@ -172,21 +173,62 @@ fn every_tree_gives_the_hits_of_brute_force_bit_for_bit() {
         }
         for choice in choices() {
             for params in params() {
+                let binary = Tree::build(&mesh, choice, &params).unwrap();
+                let wide = binary.clone().with_layout(Layout::Wide).unwrap();
+                for tree in [binary, wide] {
+                    let layout = tree.layout();
+                    for (ray, expected) in rays.iter().zip(&expected) {
+                        let hit = tree.closest_hit(ray, &mut ());
+                        assert_eq!(
+                            bits(hit),
+                            bits(*expected),
+                            "{choice} ({:?}, {layout}) on {scene}: {ray:?} gives {hit:?}, not {expected:?}",
+                            params.ties
+                        );
+                        let any = tree.any_hit(ray, &mut ());
+                        assert_eq!(
+                            any,
+                            expected.is_some(),
+                            "{choice} ({layout}) on {scene}: any hit of {ray:?}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn every_tree_gives_all_hits_of_brute_force_and_those_that_a_filter_takes() {
+    let odd = |hit: &Hit| hit.triangle % 2 == 1 && hit.u < 0.5;
+    for (scene, mesh) in scenes() {
+        let brute = brute_force(&mesh);
+        let rays = rays(&mesh);
+        let all = |tree: &Tree, ray: &Ray| {
+            let mut hits = vec![];
+            tree.all_hits(ray, &mut hits, &mut ());
+            hits
+        };
+        let expected: Vec<Vec<Hit>> = rays.iter().map(|ray| all(&brute, ray)).collect();
+        for (ray, hits) in rays.iter().zip(&expected) {
+            assert!(hits.is_sorted_by(|a, b| (a.t, a.triangle) < (b.t, b.triangle)));
+            assert_eq!(hits.first().copied(), brute.closest_hit(ray, &mut ()));
+        }
+        for choice in choices() {
+            for params in params() {
                 let tree = Tree::build(&mesh, choice, &params).unwrap();
                 for (ray, expected) in rays.iter().zip(&expected) {
-                    let hit = tree.closest_hit(ray, &mut ());
+                    assert_eq!(&all(&tree, ray), expected, "{choice} on {scene}: {ray:?}");
+                    let mut taken: Vec<Hit> = expected.iter().copied().filter(odd).collect();
+                    let first = tree.closest_hit_where(ray, odd, &mut ());
                     assert_eq!(
-                        bits(hit),
-                        bits(*expected),
-                        "{choice} ({:?}) on {scene}: {ray:?} gives {hit:?}, not {expected:?}",
-                        params.ties
+                        first,
+                        taken.first().copied(),
+                        "{choice} on {scene}: {ray:?}"
                     );
-                    let any = tree.any_hit(ray, &mut ());
-                    assert_eq!(
-                        any,
-                        expected.is_some(),
-                        "{choice} on {scene}: any hit of {ray:?}"
-                    );
+                    assert_eq!(tree.any_hit_where(ray, odd, &mut ()), first.is_some());
+                    tree.all_hits_where(ray, odd, &mut taken, &mut ());
+                    assert!(taken.iter().eq(expected.iter().filter(|hit| odd(hit))));
                 }
             }
         }

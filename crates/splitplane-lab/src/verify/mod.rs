@@ -7,7 +7,7 @@ use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
-use splitplane::{Hit, Mesh, Tree, TreeChoice, brute_force};
+use splitplane::{Hit, Layout, Mesh, Tree, TreeChoice, brute_force};
 use splitplane_render::render::Progress;
 
 use crate::LabError;
@@ -27,7 +27,7 @@ pub struct Leaks {
     /// Rays that were answered with a miss although they hit.
     pub missed: u64,
     /// Rays that were answered with another hit than the right one, or with a hit where there is
-    /// none, or for which `any_hit` said otherwise.
+    /// none, or for which `any_hit` or `all_hits` said otherwise.
     pub wrong: u64,
 }
 
@@ -96,7 +96,8 @@ pub struct LeakTable {
     /// How many of them, per set, were answered by brute force. The others' truth is the nearest
     /// hit that any of the trees found.
     pub by_brute_force: Vec<u64>,
-    /// One row for brute force, which is held to what rays of a set must do, and one for each tree.
+    /// One row for brute force, which is held to what rays of a set must do, and one for each tree
+    /// in each layout.
     pub rows: Vec<LeakRow>,
 }
 
@@ -127,7 +128,7 @@ pub fn probe_sets_of(mesh: &Mesh) -> Vec<ProbeSet> {
     probes::of_mesh(mesh)
 }
 
-/// Asks each tree all rays of all sets.
+/// Asks each tree, in each layout, all rays of all sets.
 ///
 /// # Errors
 /// A tree that cannot be built, or no threads.
@@ -144,7 +145,11 @@ pub fn verify(
         .map_err(|source| LabError::Threads { source })?;
     let mut table = LeakTable {
         rows: std::iter::once("brute force".to_owned())
-            .chain(choices.iter().map(TreeChoice::to_string))
+            .chain(
+                choices
+                    .iter()
+                    .flat_map(|choice| Layout::ALL.map(|layout| format!("{choice}, {layout}"))),
+            )
             .map(|name| LeakRow {
                 name,
                 leaks: Vec::new(),
@@ -157,18 +162,26 @@ pub fn verify(
     let total = rays * table.sets.len() as u64;
     let done = AtomicU64::new(0);
     for set in &table.sets {
-        let trees = choices
-            .iter()
-            .map(|&choice| Ok(build(set.mesh(), choice, settings)?.tree))
-            .collect::<Result<Vec<Tree>, LabError>>()?;
+        let mut trees = Vec::with_capacity(choices.len() * Layout::ALL.len());
+        for &choice in choices {
+            let binary = build(set.mesh(), choice, settings)?.tree;
+            for layout in Layout::ALL {
+                let tree = binary.clone().with_layout(layout);
+                trees.push(tree.map_err(|source| LabError::Build {
+                    tree: choice.to_string(),
+                    source,
+                })?);
+            }
+        }
         let tested = set.mesh().usable_triangles().len().max(1) as u64;
         let by_brute_force = rays.min(MOST_TESTS / tested);
         let chunk = |chunk: u64| {
             let first = chunk * CHUNK;
             let last = rays.min(first + CHUNK);
             let mut leaks = vec![Leaks::default(); table.rows.len()];
+            let mut all = Vec::new();
             for i in first..last {
-                ask(set, i, &trees, i < by_brute_force, &mut leaks);
+                ask(set, i, &trees, i < by_brute_force, &mut all, &mut leaks);
             }
             let before = done.fetch_add(last - first, Ordering::Relaxed);
             progress.advanced(before + last - first, total);
@@ -191,8 +204,15 @@ pub fn verify(
     Ok(table)
 }
 
-/// Asks all trees one ray.
-fn ask(set: &ProbeSet, index: u64, trees: &[Tree], by_brute_force: bool, leaks: &mut [Leaks]) {
+/// Asks all trees one ray; `all` is room for hits.
+fn ask(
+    set: &ProbeSet,
+    index: u64,
+    trees: &[Tree],
+    by_brute_force: bool,
+    all: &mut Vec<Hit>,
+    leaks: &mut [Leaks],
+) {
     let Probe { ray, expect } = set.probe(index);
     let answers: Vec<Option<Hit>> = trees
         .iter()
@@ -207,8 +227,12 @@ fn ask(set: &ProbeSet, index: u64, trees: &[Tree], by_brute_force: bool, leaks: 
     leaks[0] += Leaks::of(truth, truth, expect, Hit::eq);
     for ((tree, answer), leaks) in trees.iter().zip(answers).zip(&mut leaks[1..]) {
         let mut found = Leaks::of(answer, truth, expect, Hit::eq);
-        if found.is_tight() && tree.any_hit(&ray, &mut ()) != truth.is_some() {
-            found = Leaks::WRONG;
+        if found.is_tight() {
+            tree.all_hits(&ray, all, &mut ());
+            let agree = tree.any_hit(&ray, &mut ()) == truth.is_some();
+            if !agree || all.first() != truth.as_ref() {
+                found = Leaks::WRONG;
+            }
         }
         *leaks += found;
     }
@@ -230,7 +254,7 @@ mod tests {
         for preset in [Preset::Default, Preset::Thesis] {
             let settings = Settings::of_preset(preset);
             let table = verify(probe_sets(), &choices(), 1_000, &settings, &()).unwrap();
-            assert_eq!(table.rows.len(), 1 + TREES.len());
+            assert_eq!(table.rows.len(), 1 + Layout::ALL.len() * TREES.len());
             for row in &table.rows {
                 for (set, leaks) in table.sets.iter().zip(&row.leaks) {
                     assert!(leaks.is_tight(), "{}: {}: {leaks}", row.name, set.name());

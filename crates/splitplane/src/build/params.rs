@@ -207,7 +207,12 @@ impl Ties {
             Ties::Tolerant => 2.01,
         };
         let tolerance = f64::from(self.tolerance(bounds));
-        tolerance + roundings * unit * (3f64.sqrt() * f64::from(bounds.reach()) + tolerance)
+        // Numbers too small to be normal are rounded by as much, whatever their size.
+        let least = f64::from(f32::from_bits(1));
+        let size = 3f64.sqrt() * f64::from(bounds.reach()) + tolerance;
+        tolerance + roundings * (unit * size + least)
+            // Nor is the rounding of the triangle test in proportion to the triangle then.
+            + 16.0 * least
     }
 }
 
@@ -224,6 +229,9 @@ pub enum BuildError {
         /// The largest value it may have.
         limit: f64,
     },
+    /// A wide tree that is to be stored as a binary one.
+    #[error("a tree in the wide layout has no binary nodes any more; build it again")]
+    BinaryNodesGone,
     /// More nodes or references than a node has bits for.
     #[error("the tree has {count} {what}; its nodes can address {limit}")]
     TooLarge {

@@ -1,11 +1,13 @@
 //! Rays, boxes, triangles, polytopes and the mesh.
 
 mod aabb;
+pub(crate) mod frame;
 mod mesh;
 pub(crate) mod polytope;
 mod ray;
 pub(crate) mod triangle;
 
 pub use aabb::Aabb;
+pub(crate) use frame::Frame;
 pub use mesh::{Mesh, MeshError, Skipped};
 pub use ray::Ray;

@@ -4,8 +4,9 @@ mod card;
 pub(crate) mod nodes;
 mod section;
 mod validate;
+pub(crate) mod wide;
 
-pub use card::{NodeCounts, TreeCard};
+pub use card::{NodeCounts, TreeCard, WideCard};
 pub use section::{Axis, Section, SectionCell, SectionSegment};
 pub use validate::ValidateError;
 
@@ -15,6 +16,7 @@ use crate::geometry::{Aabb, Mesh, Ray};
 use crate::query::{self, Counters, Hit, Place, Traversal};
 use card::Expected;
 use nodes::{BoxNode, IndexedNode, KdNode, ObliqueNode, Shared};
+use wide::Wide;
 
 /// A tree over a mesh, ready for queries. Cloning copies the nodes, not the mesh.
 ///
@@ -30,6 +32,51 @@ pub struct Tree {
     expected: Expected,
     stats: BuildStats,
     place: Place,
+    /// The nodes in the wide layout; then there are no others, and the card is kept.
+    wide: Option<(Wide, TreeCard)>,
+}
+
+/// How the nodes of a tree are stored. Hits are the same in all layouts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Layout {
+    /// As built: one plane or two boxes a node, with counters that can be compared with those of
+    /// papers.
+    #[default]
+    Binary,
+    /// Nodes of eight boxes around what lies in the cells, leaves of up to eight triangles, both
+    /// tested with SIMD instructions: several times as fast.
+    Wide,
+}
+
+impl Layout {
+    /// All layouts.
+    pub const ALL: [Layout; 2] = [Layout::Binary, Layout::Wide];
+
+    /// The layout's name: "binary", "wide".
+    pub fn name(self) -> &'static str {
+        match self {
+            Layout::Binary => "binary",
+            Layout::Wide => "wide",
+        }
+    }
+}
+
+impl std::fmt::Display for Layout {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl std::str::FromStr for Layout {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let named = |layout: &Layout| layout.name() == name.trim().to_lowercase();
+        Layout::ALL
+            .into_iter()
+            .find(named)
+            .ok_or_else(|| format!("no layout is called \"{name}\"; there are binary and wide"))
+    }
 }
 
 /// The nodes, in the layout that the tree's planes need.
@@ -103,6 +150,15 @@ macro_rules! with_nodes {
 pub(crate) use with_nodes;
 
 impl Tree {
+    /// Builds a tree with all defaults over `mesh`: [`TreeChoice::default`] with
+    /// [`BuildParams::default`]. See [`Tree::build`].
+    ///
+    /// # Errors
+    /// A tree too large for its nodes.
+    pub fn new(mesh: &Mesh) -> Result<Tree, BuildError> {
+        Tree::build(mesh, TreeChoice::default(), &BuildParams::default())
+    }
+
     /// Builds the tree that `choice` names over `mesh`, on the threads of the current rayon pool.
     /// The tree is the same, byte by byte, for any number of them.
     ///
@@ -125,11 +181,10 @@ impl Tree {
         built: &Built,
     ) -> Result<Tree, BuildError> {
         let spec = choice.spec;
-        let shared = Shared::new(built.fixed.clone(), spec.axis_nodes);
+        let shared = Shared::new(built.fixed.clone(), built.frames.clone(), spec.axis_nodes);
         let (nodes, references) = match Kind::of(spec) {
             Kind::Boxes => {
-                let (mut nodes, references) = nodes::store(built, &shared)?;
-                nodes::fit_boxes(&mut nodes, &references, mesh, &shared);
+                let (nodes, references) = nodes::store(built, &shared)?;
                 (Nodes::Boxes(nodes), references)
             }
             Kind::Indexed => {
@@ -161,6 +216,7 @@ impl Tree {
                 overhang: params.ties.overhang(&bounds),
                 traversal: Traversal::default(),
             },
+            wide: None,
         })
     }
 
@@ -177,6 +233,36 @@ impl Tree {
     /// The parameters that the tree was built with.
     pub fn params(&self) -> &BuildParams {
         &self.params
+    }
+
+    /// The same tree, stored in this layout.
+    ///
+    /// # Errors
+    /// A tree too large for the layout's indices, or one that is wide already and is to be binary:
+    /// its binary nodes are gone, it must be built again.
+    pub fn with_layout(mut self, layout: Layout) -> Result<Self, BuildError> {
+        if layout == self.layout() {
+            return Ok(self);
+        }
+        if layout == Layout::Binary {
+            return Err(BuildError::BinaryNodesGone);
+        }
+        let mut card = self.card();
+        let wide = Wide::of(&self)?;
+        card.bytes = wide.bytes() as u64;
+        card.wide = Some(wide.card());
+        self.nodes = Nodes::Kd(Vec::new());
+        self.references = Vec::new();
+        self.wide = Some((wide, card));
+        Ok(self)
+    }
+
+    /// How the nodes are stored.
+    pub fn layout(&self) -> Layout {
+        match self.wide {
+            Some(_) => Layout::Wide,
+            None => Layout::Binary,
+        }
     }
 
     /// The same tree, with queries that decide in this way which cells a ray passes.
@@ -197,12 +283,72 @@ impl Tree {
     /// The answer is that of testing every triangle, bit for bit. What is done on the way is
     /// reported to `counters`; `&mut ()` counts nothing.
     pub fn closest_hit(&self, ray: &Ray, counters: &mut impl Counters) -> Option<Hit> {
-        query::closest_hit(self, ray, counters)
+        query::closest_hit(self, ray, |_| true, counters)
+    }
+
+    /// The nearest hit that `accept` takes: for masks, and for surfaces with holes in their
+    /// texture. See [`Tree::closest_hit`].
+    ///
+    /// `accept` is asked in no particular order, of some hits more than once and of some never; so
+    /// its answer must depend on the hit alone.
+    ///
+    /// ```
+    /// # use splitplane::{Mesh, Ray, Tree};
+    /// # let positions = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    /// # let tree = Tree::new(&Mesh::new(positions, vec![[0, 1, 2]])?)?;
+    /// // Stripes: every other tenth of the triangle is not there.
+    /// let striped = |hit: &splitplane::Hit| (10.0 * hit.u) as u32 % 2 == 0;
+    /// let at = |x| Ray::new([x, 0.25, 1.0], [0.0, 0.0, -1.0]);
+    /// assert!(tree.closest_hit_where(&at(0.25), striped, &mut ()).is_some());
+    /// assert!(tree.closest_hit_where(&at(0.35), striped, &mut ()).is_none());
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn closest_hit_where(
+        &self,
+        ray: &Ray,
+        accept: impl Fn(&Hit) -> bool,
+        counters: &mut impl Counters,
+    ) -> Option<Hit> {
+        query::closest_hit(self, ray, accept, counters)
     }
 
     /// Whether anything is hit with `t_min < t <= t_max`. See [`Tree::closest_hit`].
     pub fn any_hit(&self, ray: &Ray, counters: &mut impl Counters) -> bool {
-        query::any_hit(self, ray, counters)
+        query::any_hit(self, ray, |_| true, counters)
+    }
+
+    /// Whether anything is hit that `accept` takes. See [`Tree::closest_hit_where`].
+    pub fn any_hit_where(
+        &self,
+        ray: &Ray,
+        accept: impl Fn(&Hit) -> bool,
+        counters: &mut impl Counters,
+    ) -> bool {
+        query::any_hit(self, ray, accept, counters)
+    }
+
+    /// All hits with `t_min < t <= t_max`, by `t`, then by index, each triangle once. `hits` is
+    /// emptied first; it is not returned, so that its memory serves many rays.
+    ///
+    /// The answer is that of testing every triangle, bit for bit, in one traversal: no hit is lost
+    /// where surfaces lie close to each other or in the same place.
+    ///
+    /// An edge and a vertex belong to every triangle that has them. A ray through a shared edge
+    /// hits each of the triangles that share it, at `t` that agree up to rounding, and never none
+    /// of them; so the number of hits is not a parity.
+    pub fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, counters: &mut impl Counters) {
+        query::all_hits(self, ray, |_| true, hits, counters);
+    }
+
+    /// All hits that `accept` takes. See [`Tree::all_hits`] and [`Tree::closest_hit_where`].
+    pub fn all_hits_where(
+        &self,
+        ray: &Ray,
+        accept: impl Fn(&Hit) -> bool,
+        hits: &mut Vec<Hit>,
+        counters: &mut impl Counters,
+    ) {
+        query::all_hits(self, ray, accept, hits, counters);
     }
 
     pub(crate) fn nodes(&self) -> &Nodes {
@@ -215,6 +361,10 @@ impl Tree {
 
     pub(crate) fn references(&self) -> &[u32] {
         &self.references
+    }
+
+    pub(crate) fn wide(&self) -> Option<&Wide> {
+        self.wide.as_ref().map(|(wide, _)| wide)
     }
 
     pub(crate) fn place(&self) -> &Place {
@@ -232,6 +382,7 @@ impl PartialEq for Tree {
             && self.expected == other.expected
             && self.stats == other.stats
             && self.shared == other.shared
+            && self.wide == other.wide
             && bytes(self) == bytes(other)
     }
 }
