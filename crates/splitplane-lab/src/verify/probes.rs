@@ -69,6 +69,7 @@ pub(super) fn built_in() -> Vec<ProbeSet> {
         mesh,
         make,
     };
+    let stone = stone().mesh();
     let mut sets = vec![
         set(
             "sphere",
@@ -98,15 +99,10 @@ pub(super) fn built_in() -> Vec<ProbeSet> {
             "inside",
             "from inside a closed surface at its vertices, the middles of its edges and points of \
              its edges",
-            stone().mesh(),
+            stone.clone(),
             from_inside_at_edges,
         ),
-        set(
-            "outside",
-            "the same, from outside",
-            stone().mesh(),
-            at_edges,
-        ),
+        set("outside", "the same, from outside", stone, at_edges),
     ];
     sets.extend(of_mesh(&jumble().mesh()));
     sets
