@@ -9,6 +9,7 @@ mod measure;
 mod obvhs_crate;
 mod ours;
 mod parry;
+mod plot;
 mod rays;
 mod record;
 mod report;
@@ -87,6 +88,9 @@ struct Args {
     /// Write tables of all rows as Markdown
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
+    /// Draw the ratios of all rows, as SVG
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
 }
 
 fn main() -> Result<()> {
@@ -120,6 +124,9 @@ fn main() -> Result<()> {
     }
     if let Some(path) = &args.markdown {
         std::fs::write(path, report::markdown(&rows))?;
+    }
+    if let Some(path) = &args.plot {
+        std::fs::write(path, plot::svg(&rows))?;
     }
     let inexact: usize = rows.iter().map(|row| row.inexact).sum();
     ensure!(
