@@ -22,3 +22,32 @@ run *arguments:
 # The documentation of all crates, in the browser.
 doc:
     cargo doc --workspace --no-deps --open
+
+# Our queries beside Embree's and others'; e.g. `just peers killeroo --contenders embree,wn+kd:6`.
+peers *arguments:
+    cargo run --release --manifest-path crates/peers/Cargo.toml -- {{arguments}}
+
+# Format and lint the peers' bench and the fuzz targets, which CI does not build.
+check-apart:
+    cargo fmt --manifest-path crates/peers/Cargo.toml --check
+    cargo clippy --manifest-path crates/peers/Cargo.toml --all-targets -- -D warnings
+    cargo fmt --manifest-path fuzz/Cargo.toml --check
+    cargo clippy --manifest-path fuzz/Cargo.toml --all-targets -- -D warnings
+
+# Fuzz one target (`just fuzz ply`) or all in turn, so many seconds each; needs cargo-fuzz.
+fuzz target="pbrt_text pbrt_scene ply obj stl texture build_and_cast" seconds="3600":
+    for target in {{target}}; do \
+        RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none "$target" -- \
+            -max_total_time={{seconds}} -timeout=20 -rss_limit_mb=4096 || exit 1; \
+    done
+
+# Ask all trees many rays, and run the property tests with so many times their cases: hours.
+soak rays="1e8" times="300":
+    cargo run --release -- verify --rays {{rays}}
+    cargo run --release -- verify --rays {{rays}} --preset thesis
+    SPLITPLANE_SOAK={{times}} cargo test --release -p splitplane --lib
+    cargo test --release -p splitplane --test bad_geometry -- --ignored
+
+# Advisories and licences of the dependencies; needs cargo-deny.
+deny:
+    cargo deny check

@@ -4,10 +4,12 @@
 mod bvh_crate;
 mod contender;
 mod embree;
+mod leaks;
 mod measure;
 mod obvhs_crate;
 mod ours;
 mod parry;
+mod plot;
 mod rays;
 mod record;
 mod report;
@@ -69,6 +71,10 @@ struct Args {
     /// Seed of the rays
     #[arg(long, default_value_t = 0)]
     seed: u64,
+    /// Measure nothing: cast so many rays of each set whose answers are certain, and count those
+    /// that are lost
+    #[arg(long, value_name = "RAYS", value_parser = clap::value_parser!(u64).range(1..))]
+    leaks: Option<u64>,
     /// Append the rows to this file, as JSON, one a line
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -82,10 +88,21 @@ struct Args {
     /// Write tables of all rows as Markdown
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
+    /// Draw the ratios of all rows, as SVG
+    #[arg(long, value_name = "FILE")]
+    plot: Option<PathBuf>,
 }
 
 fn main() -> Result<()> {
     let args = Args::parse();
+    if let Some(rays) = args.leaks {
+        let table = leaks::markdown(&args.contenders, &leaks::leaks(&args.contenders, rays)?);
+        print!("{table}");
+        if let Some(path) = &args.markdown {
+            std::fs::write(path, table)?;
+        }
+        return Ok(());
+    }
     let rows = if args.from.is_empty() {
         let mut all = Vec::new();
         for scene in &args.scenes {
@@ -107,6 +124,9 @@ fn main() -> Result<()> {
     }
     if let Some(path) = &args.markdown {
         std::fs::write(path, report::markdown(&rows))?;
+    }
+    if let Some(path) = &args.plot {
+        std::fs::write(path, plot::svg(&rows))?;
     }
     let inexact: usize = rows.iter().map(|row| row.inexact).sum();
     ensure!(

@@ -85,8 +85,8 @@ pub fn table(rows: &[Row]) -> String {
     table.to_string()
 }
 
-/// The scenes, in the order in which they come.
-fn in_order<T: PartialEq + Clone>(rows: &[Row], of: impl Fn(&Row) -> T) -> Vec<T> {
+/// What the rows have, each once, in the order in which it comes.
+pub fn in_order<T: PartialEq + Clone>(rows: &[Row], of: impl Fn(&Row) -> T) -> Vec<T> {
     rows.iter().fold(Vec::new(), |mut list, row| {
         let item = of(row);
         if !list.contains(&item) {
@@ -94,6 +94,11 @@ fn in_order<T: PartialEq + Clone>(rows: &[Row], of: impl Fn(&Row) -> T) -> Vec<T
         }
         list
     })
+}
+
+/// Not a number where there are none.
+pub fn geometric_mean(values: &[f64]) -> f64 {
+    (values.iter().map(|value| value.ln()).sum::<f64>() / values.len() as f64).exp()
 }
 
 /// All rows as tables of a Markdown page: a summary, then each scene.
@@ -109,8 +114,9 @@ pub fn markdown(rows: &[Row]) -> String {
                 .filter(move |r| r.contender == *contender && r.set == set)
         };
         let mean = |set: Kind| {
-            let logs: Vec<f64> = of(set).map(|row| row.ratio.ln()).collect();
-            number((logs.iter().sum::<f64>() / logs.len() as f64).exp())
+            number(geometric_mean(
+                &of(set).map(|row| row.ratio).collect::<Vec<_>>(),
+            ))
         };
         let count = of(Kind::Primary).count();
         let means = Kind::ALL.map(mean).join(" | ");

@@ -44,6 +44,7 @@ pub enum Command {
     Report(ReportCommand),
     Cast(CastCommand),
     Slice(SliceCommand),
+    Verify(VerifyCommand),
     Trees(TreesCommand),
     Scenes(ScenesCommand),
 }
@@ -452,6 +453,40 @@ impl From<AxisName> for Axis {
     }
 }
 
+/// Cast rays that are lost easily, and count wrong answers.
+///
+/// Sets of rays, the same in every run: from inside closed surfaces, at vertices and edges, in and
+/// along planes where trees split, grazing, from far away, with zero components, leaving surfaces.
+/// Every answer of every tree must be that of testing all triangles, bit for bit, and any-hit must
+/// agree. Without a scene the rays are cast at small meshes that are made for them. In a large scene
+/// not all rays can be tested that way: the others are held to the nearest hit of all trees.
+#[derive(Debug, Args)]
+#[command(after_help = "Examples:
+  splitplane verify
+  splitplane verify --rays 1e7 --trees wn+kd:6
+  splitplane verify truck --rays 1e6
+
+Exit code 1 where any answer is wrong.")]
+pub struct VerifyCommand {
+    /// A scene by name (see `splitplane scenes`), or a file [default: meshes made for this]
+    pub scene: Option<String>,
+    #[command(flatten)]
+    pub load: LoadArgs,
+    /// Rays of each set, such as 1000000 or 1e6
+    #[arg(long, default_value = "1e5", value_name = "N", value_parser = rays, allow_hyphen_values = true)]
+    pub rays: u64,
+    /// The trees, separated by commas [default: all]
+    #[arg(long, value_delimiter = ',', value_name = "TREE,TREE,...")]
+    pub trees: Vec<TreeChoice>,
+    #[command(flatten)]
+    pub build: BuildArgs,
+    /// Print the table as Markdown
+    #[arg(long)]
+    pub markdown: bool,
+    #[command(flatten)]
+    pub general: GeneralArgs,
+}
+
 /// List the trees that can be built, or explain one.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
@@ -614,6 +649,16 @@ fn duration(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A number of rays, in digits or as 1e6.
+fn rays(text: &str) -> Result<u64, String> {
+    let text = text.trim().replace('_', "");
+    let number = text.parse::<f64>().ok();
+    number
+        .filter(|n| (1.0..=1e15).contains(n) && n.fract() == 0.0)
+        .map(|n| n as u64)
+        .ok_or_else(|| "a number of rays is a whole number, such as 100000 or 1e5".to_owned())
+}
+
 fn fraction(text: &str) -> Result<f64, String> {
     let number = text.trim().parse().ok();
     number
@@ -687,6 +732,15 @@ mod tests {
         assert_eq!(duration("2h"), Ok(7200.0));
         for wrong in ["", "s", "5 d", "-3s", "0", "infs"] {
             assert!(duration(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn a_number_of_rays_may_be_written_with_an_exponent() {
+        assert_eq!(rays("1e8"), Ok(100_000_000));
+        assert_eq!(rays("20_000"), Ok(20_000));
+        for wrong in ["", "0", "-1", "1.5", "many", "nan", "inf", "1e99"] {
+            assert!(rays(wrong).is_err(), "{wrong}");
         }
     }
 }

@@ -43,6 +43,7 @@ fn main() -> ExitCode {
         Command::Report(command) => commands::experiment::report(&command),
         Command::Cast(command) => commands::cast::run(&command),
         Command::Slice(command) => commands::slice::run(&command),
+        Command::Verify(command) => commands::verify::run(&command),
         Command::Trees(command) => commands::trees::run(&command),
         Command::Scenes(command) => commands::scenes::run(&command),
     };

@@ -4,13 +4,14 @@ mod common;
 
 use common::{folder, hills_scene, outcome, splitplane};
 
-const COMMANDS: [&str; 8] = [
+const COMMANDS: [&str; 9] = [
     "render",
     "build",
     "compare",
     "reproduce",
     "cast",
     "slice",
+    "verify",
     "trees",
     "scenes",
 ];

@@ -16,6 +16,7 @@ mod reproduce;
 mod run;
 mod slice;
 mod stats;
+pub mod verify;
 mod window;
 mod write;
 

@@ -164,6 +164,7 @@ fn counters_per_pixel_add_up_to_the_totals() {
 #[test]
 fn repetitions_are_interleaved_and_each_tree_is_counted_once() {
     struct Steps(Mutex<Vec<(usize, Task, u32)>>);
+    impl splitplane::Progress for Steps {}
     impl Progress for Steps {}
     impl Watch for Steps {
         fn step(&self, step: Step) {
@@ -193,7 +194,8 @@ fn repetitions_are_interleaved_and_each_tree_is_counted_once() {
 #[test]
 fn a_watcher_can_stop_a_comparison() {
     struct Stop;
-    impl Progress for Stop {
+    impl Progress for Stop {}
+    impl splitplane::Progress for Stop {
         fn cancelled(&self) -> bool {
             true
         }

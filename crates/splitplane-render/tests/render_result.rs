@@ -272,7 +272,9 @@ struct StopAfter {
     seen: AtomicU64,
 }
 
-impl Progress for StopAfter {
+impl Progress for StopAfter {}
+
+impl splitplane::Progress for StopAfter {
     fn advanced(&self, done: u64, total: u64) {
         assert!(done <= total && total == 70 * 41 * 3);
         self.seen.fetch_max(done, Ordering::Relaxed);
@@ -341,6 +343,12 @@ struct Interrupting {
     kept: Mutex<Option<Checkpoint>>,
 }
 
+impl splitplane::Progress for Interrupting {
+    fn cancelled(&self) -> bool {
+        self.kept.lock().unwrap().is_some()
+    }
+}
+
 impl Progress for Interrupting {
     fn wants_partial(&self) -> bool {
         self.kept.lock().unwrap().is_none()
@@ -348,9 +356,6 @@ impl Progress for Interrupting {
     fn partial(&self, partial: &Partial) {
         assert!(partial.picture.radiance.iter().any(|p| p[1] > 0.0));
         *self.kept.lock().unwrap() = Some(partial.checkpoint.clone());
-    }
-    fn cancelled(&self) -> bool {
-        self.kept.lock().unwrap().is_some()
     }
 }
 

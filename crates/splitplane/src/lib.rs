@@ -35,7 +35,7 @@ pub use build::{
 };
 pub use catalog::{Directions, ParseTreeError, TREES, TreeChoice, TreeSpec};
 pub use geometry::{Aabb, Mesh, MeshError, Ray, Skipped};
-pub use query::{Counters, Counts, Hit, Traversal};
+pub use query::{Counters, Counts, Hit, Traversal, brute_force};
 pub use tree::{
     Axis, Layout, NodeCounts, Section, SectionCell, SectionSegment, Tree, TreeCard, ValidateError,
     WideCard,
@@ -45,11 +45,17 @@ pub use tree::{
 mod testing {
     use proptest::test_runner::{Config, RngSeed};
 
-    /// That many cases, the same in every run: a failure in CI is one that everybody sees.
+    /// That many cases, the same in every run: a failure in CI is one that everybody sees. With
+    /// `SPLITPLANE_SOAK=N` so many times as many, and others in every run.
     pub(crate) fn cases(cases: u32) -> Config {
+        let soak = std::env::var("SPLITPLANE_SOAK").ok();
+        let soak = soak.and_then(|times| times.parse::<u32>().ok());
         Config {
-            cases,
-            rng_seed: RngSeed::Fixed(2019),
+            cases: cases.saturating_mul(soak.unwrap_or(1)),
+            rng_seed: match soak {
+                Some(_) => RngSeed::Random,
+                None => RngSeed::Fixed(2019),
+            },
             failure_persistence: None,
             ..Config::default()
         }

@@ -11,3 +11,4 @@ pub mod scenes;
 pub mod slice;
 pub mod tree_page;
 pub mod trees;
+pub mod verify;

@@ -2,7 +2,7 @@
 //! [PBRT3, 3.6, 3.9].
 
 use glam::{Vec2, Vec3};
-use splitplane::{Hit, Ray};
+use splitplane::{Hit, Mesh, Ray};
 
 use super::camera::Beside;
 use super::sampling::frame_around;
@@ -29,6 +29,15 @@ impl Place {
             p,
             error: Vec3::ZERO,
             normal: Vec3::ZERO,
+        }
+    }
+
+    /// On the triangle of these vertices, at their weighted mean.
+    fn on(weights: [f32; 3], vertices: [Vec3; 3], normal: Vec3) -> Self {
+        Place {
+            p: mix(weights, vertices),
+            error: gamma(7) * absolute_sum(weights, vertices),
+            normal,
         }
     }
 
@@ -72,6 +81,16 @@ impl Place {
             away(p.z, offset.z),
         )
     }
+}
+
+/// The ray that leaves the surface along `direction` from where another ray hit it, as all rays of
+/// the renderer do: it begins so far off the surface that it does not meet its own triangle again
+/// \[PBRT3, 3.9.5\].
+pub fn leave(mesh: &Mesh, hit: &Hit, direction: [f32; 3]) -> Ray {
+    let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+    let vertices = mesh.corners(hit.triangle).map(Vec3::from);
+    let normal = mesh.normal(hit.triangle).into();
+    Place::on(weights, vertices, normal).ray(direction.into())
 }
 
 /// A bound on the relative error of `n` roundings [Higham2002].
@@ -156,11 +175,7 @@ impl Interaction {
             }
         }
         Interaction {
-            place: Place {
-                p: mix(weights, p),
-                error: gamma(7) * absolute_sum(weights, p),
-                normal,
-            },
+            place: Place::on(weights, p, normal),
             wo: -Vec3::from(ray.direction),
             uv: weights[0] * uvs[0] + weights[1] * uvs[1] + weights[2] * uvs[2],
             color: if scene.colors.is_empty() {

@@ -30,6 +30,7 @@ use camera::CameraRays;
 pub use checkpoint::{Checkpoint, Partial};
 use film::FilmPlan;
 use integrator::World;
+pub use interaction::leave;
 use light::Lights;
 use sampler::Sequence;
 

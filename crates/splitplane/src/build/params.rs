@@ -212,7 +212,12 @@ impl Ties {
             Ties::Tolerant => 2.01,
         };
         let tolerance = f64::from(self.tolerance(bounds));
-        tolerance + roundings * unit * (3f64.sqrt() * f64::from(bounds.reach()) + tolerance)
+        // Numbers too small to be normal are rounded by as much, whatever their size.
+        let least = f64::from(f32::from_bits(1));
+        let size = 3f64.sqrt() * f64::from(bounds.reach()) + tolerance;
+        tolerance + roundings * (unit * size + least)
+            // Nor is the rounding of the triangle test in proportion to the triangle then.
+            + 16.0 * least
     }
 }
 

@@ -2,6 +2,7 @@
 
 mod all_hits;
 mod batch;
+mod brute_force;
 mod simd;
 mod traverse;
 mod wide;
@@ -13,6 +14,7 @@ use crate::geometry::triangle::Shear;
 use crate::tree::{Tree, with_nodes};
 pub(crate) use all_hits::all_hits;
 pub(crate) use batch::{any_hits, closest_hits};
+pub use brute_force::brute_force;
 pub(crate) use traverse::Place;
 use traverse::{Search, traverse};
 
@@ -269,15 +271,6 @@ mod tests {
     use crate::{BuildParams, Mesh, TREES, TreeChoice};
     use proptest::prelude::*;
 
-    /// Every triangle tested, without a tree and without a box.
-    fn test_all(mesh: &Mesh, ray: &Ray) -> Option<Hit> {
-        let mut search = Closest::new(ray, |_| true);
-        for &triangle in mesh.usable_triangles() {
-            let _ = search.test(triangle, &mesh.corners(triangle));
-        }
-        search.found()
-    }
-
     fn coordinate() -> impl Strategy<Value = f32> {
         prop_oneof![
             -1.0f32..1.0,
@@ -319,7 +312,7 @@ mod tests {
                     let origin = move_away(origin.map(|c| c * origin_scale));
                     let target = move_away(target);
                     let ray = Ray::new(origin, std::array::from_fn(|i| target[i] - origin[i]));
-                    let nearest = test_all(&mesh, &ray);
+                    let nearest = brute_force(&mesh, &ray);
                     let all = all_hits::test_all(&mesh, &ray);
                     // The second of all hits is the nearest without the first.
                     let others = |hit: &Hit| Some(hit.triangle) != all.first().map(|hit| hit.triangle);

@@ -82,7 +82,8 @@ impl Line {
         Line {
             origin,
             direction,
-            margin: 0.5 * f32::EPSILON * BOX_ERROR * reach,
+            // Numbers too small to be normal are rounded by as much, whatever their size.
+            margin: BOX_ERROR * (0.5 * f32::EPSILON * reach + f32::from_bits(1)),
             scale,
         }
     }
