@@ -27,13 +27,15 @@ mod build;
 mod catalog;
 mod directions;
 mod geometry;
+mod instances;
 mod query;
 mod tree;
 
 pub use build::{BuildError, BuildParams, BuildStats, DepthLimit, ObliquePricing, Ties, Wins};
 pub use catalog::{Directions, ParseTreeError, TREES, TreeChoice, TreeSpec};
 pub use geometry::{Aabb, Mesh, MeshError, Ray, Skipped};
-pub use query::{Counters, Counts, Hit, Traversal};
+pub use instances::{InstanceHit, Instances, InstancesError, Transform, TransformError};
+pub use query::{ClosestPoint, Counters, Counts, Hit, Traversal};
 pub use tree::{
     Axis, NodeCounts, Section, SectionCell, SectionSegment, Tree, TreeCard, ValidateError,
 };

@@ -3,6 +3,7 @@
 mod aabb;
 mod mesh;
 pub(crate) mod polytope;
+pub(crate) mod proximity;
 mod ray;
 pub(crate) mod triangle;
 

@@ -1,6 +1,8 @@
 //! Rays against a tree.
 
 mod all_hits;
+mod inside;
+mod nearby;
 mod traverse;
 
 use std::ops::ControlFlow;
@@ -9,11 +11,15 @@ use crate::geometry::triangle::Shear;
 use crate::geometry::{Mesh, Ray};
 use crate::tree::{Tree, with_nodes};
 pub(crate) use all_hits::all_hits;
-pub(crate) use traverse::Place;
-use traverse::{Search, traverse};
+pub(crate) use inside::contains;
+pub use nearby::ClosestPoint;
+pub(crate) use nearby::{closest_point, overlaps_region, overlaps_sphere};
+use traverse::traverse;
+pub(crate) use traverse::{Place, Search};
 
 /// Where a ray meets the mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Hit {
     /// Distance from the ray's origin, in multiples of its direction's length.
     pub t: f32,
@@ -58,6 +64,7 @@ impl Counters for () {}
 
 /// Sums of what queries did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Counts {
     /// Triangles tested.
     pub triangle_tests: u64,
@@ -225,7 +232,17 @@ pub(crate) fn any_hit(
 }
 
 fn run(tree: &Tree, ray: &Ray, search: &mut impl Search, counters: &mut impl Counters) {
-    let place = tree.place();
+    run_in(tree, tree.place(), ray, search, counters);
+}
+
+/// The same, with other margins than the tree's own.
+pub(crate) fn run_in(
+    tree: &Tree,
+    place: &Place,
+    ray: &Ray,
+    search: &mut impl Search,
+    counters: &mut impl Counters,
+) {
     if ray.is_valid() && !place.bounds.is_empty() {
         with_nodes!(tree, nodes => traverse(nodes, tree.shared(), tree.references(), place, ray, search, counters));
     }

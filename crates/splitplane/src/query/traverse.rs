@@ -8,7 +8,7 @@ use crate::geometry::{Aabb, Ray};
 use crate::tree::nodes::{Layout, Shared, View};
 
 /// What a traversal looks for.
-pub(super) trait Search {
+pub(crate) trait Search {
     /// Beyond this t nothing is wanted any more.
     fn limit(&self) -> f64;
     /// Tests a triangle; breaks when the answer is known.
