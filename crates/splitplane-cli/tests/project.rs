@@ -74,7 +74,7 @@ fn ci_runs_the_very_line_that_the_readme_gives_for_the_tests() {
 
 #[test]
 fn every_source_that_a_comment_cites_is_in_the_references() {
-    let references = page("REFERENCES.md");
+    let references = page("crates/splitplane/REFERENCES.md");
     let listed: BTreeSet<String> = references
         .lines()
         .filter_map(|line| Some(line.strip_prefix("**[")?.split(']').next()?.to_owned()))
@@ -110,4 +110,33 @@ fn is_key(text: &str) -> bool {
     let is_year = year.len() == 4 && year.bytes().all(|c| c.is_ascii_digit());
     let is_name = name.len() > 2 && name.starts_with(|c: char| c.is_ascii_uppercase());
     (is_year && is_name) || text == "PBRT3"
+}
+
+/// What a crate embeds must lie in the crate, or its package does not have it.
+#[test]
+fn every_file_that_a_crate_embeds_lies_in_the_crate() {
+    let mut embedded = 0;
+    for entry in fs::read_dir(root().join("crates")).unwrap() {
+        let package = entry.unwrap().path();
+        let mut pending = vec![package.join("src")];
+        while let Some(path) = pending.pop() {
+            if path.is_dir() {
+                let children = fs::read_dir(&path).unwrap();
+                pending.extend(children.map(|entry| entry.unwrap().path()));
+                continue;
+            }
+            let text = fs::read_to_string(&path).unwrap_or_default();
+            for macro_name in ["include_str!(\"", "include_bytes!(\""] {
+                for rest in text.split(macro_name).skip(1) {
+                    let file = rest.split('"').next().unwrap_or_default();
+                    let file = path.parent().unwrap().join(file).canonicalize();
+                    let file = file.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+                    let own = package.canonicalize().unwrap();
+                    assert!(file.starts_with(&own), "{} is outside", file.display());
+                    embedded += 1;
+                }
+            }
+        }
+    }
+    assert!(embedded >= 3);
 }
