@@ -140,3 +140,32 @@ fn every_file_that_a_crate_embeds_lies_in_the_crate() {
     }
     assert!(embedded >= 3);
 }
+
+/// Examples are compiled with the tests, and CI runs each.
+#[test]
+fn every_rust_snippet_of_the_pages_is_part_of_an_example() {
+    // Line breaks, and the commas that go with them, are the formatter's.
+    let bare = |text: &str| -> String {
+        let bare = |c: &char| !c.is_whitespace() && *c != ',';
+        text.chars().filter(bare).collect()
+    };
+    let mut examples = String::new();
+    let steps = page(".ci/run");
+    for entry in fs::read_dir(root().join("crates/splitplane/examples")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|extension| extension == "rs") {
+            examples += &bare(&fs::read_to_string(&path).unwrap());
+            let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+            assert!(steps.contains(&name), "CI does not run the example {name}");
+        }
+    }
+    let mut checked = 0;
+    for name in ["README.md", "docs/rust.md", "docs/exactness.md"] {
+        for snippet in page(name).split("```rust\n").skip(1) {
+            let snippet = snippet.split("```").next().unwrap_or_default();
+            assert!(examples.contains(&bare(snippet)), "{name}: {snippet}");
+            checked += 1;
+        }
+    }
+    assert!(checked >= 8);
+}

@@ -295,6 +295,7 @@ impl CardRecord {
             sah_cost,
             bytes,
             build,
+            wide: _,
         } = built.card.clone();
         CardRecord {
             tree: choice.spec.name.to_owned(),

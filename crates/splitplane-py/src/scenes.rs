@@ -109,8 +109,8 @@ impl Scene {
     }
 
     /// A tree over the scene's mesh.
-    fn build(&self, py: Python<'_>, tree: &str, nthreads: usize) -> PyResult<Tree> {
-        Tree::over(py, &self.scene.mesh, vec![0], tree, nthreads)
+    fn build(&self, py: Python<'_>, tree: &str, layout: &str, nthreads: usize) -> PyResult<Tree> {
+        Tree::over(py, &self.scene.mesh, vec![0], (tree, layout), nthreads)
     }
 
     /// A picture, (height, width, 3), and other pictures by name.

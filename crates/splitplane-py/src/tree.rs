@@ -4,7 +4,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 use rayon::prelude::*;
-use splitplane::{Counters, Counts, Hit, Mesh, Ray, TreeChoice};
+use splitplane::{Counters, Counts, Hit, Layout, Mesh, Ray, TreeChoice};
 use splitplane_lab::{Built, CardRecord, Preset, Settings};
 
 use crate::batch::{self, CHUNK, array2, in_blocks, interruptible};
@@ -38,15 +38,20 @@ impl Tree {
         py: Python<'_>,
         mesh: &Mesh,
         starts: Vec<u32>,
-        tree: &str,
+        (tree, layout): (&str, &str),
         nthreads: usize,
     ) -> PyResult<Self> {
+        let layout: Layout = layout.parse().map_err(PyValueError::new_err)?;
         let choice: TreeChoice =
             (tree.parse()).map_err(|error| PyValueError::new_err(format!("{error}")))?;
         let mut settings = Settings::of_preset(Preset::Default);
         settings.render.threads = nthreads;
-        let built = interruptible(py, |_| splitplane_lab::build(mesh, choice, &settings))?
-            .map_err(|error| PyMemoryError::new_err(format!("{error}")))?;
+        let too_large = |error: &dyn std::fmt::Display| PyMemoryError::new_err(error.to_string());
+        let mut built = interruptible(py, |_| splitplane_lab::build(mesh, choice, &settings))?
+            .map_err(|error| too_large(&error))?;
+        built.tree = interruptible(py, |_| built.tree.with_layout(layout))?
+            .map_err(|error| too_large(&error))?;
+        built.card = built.tree.card();
         Ok(Tree {
             built,
             settings,
@@ -210,12 +215,13 @@ impl<'a> Rays<'a> {
     }
 }
 
-/// Visits of axis-aligned nodes, of oblique nodes and of leaves, and triangle tests.
+/// Visits of axis-aligned, oblique and wide nodes and of leaves, and triangle tests.
 fn counted(py: Python<'_>, counts: Vec<Counts>) -> PyResult<Array2<'_, u32>> {
     let row = |c: Counts| {
         [
             c.kd_visits,
             c.oblique_visits,
+            c.wide_visits,
             c.leaf_visits,
             c.triangle_tests,
         ]
@@ -235,6 +241,7 @@ impl Tree {
         triangles: PyReadonlyArray2<'_, u32>,
         starts: Vec<u32>,
         tree: &str,
+        layout: &str,
         nthreads: usize,
     ) -> PyResult<Self> {
         let triangles = triple(batch::rows(&triangles, "triangles", &[3])?.0);
@@ -249,7 +256,7 @@ impl Tree {
             )
         };
         let mesh = mesh.map_err(|error| PyValueError::new_err(error.to_string()))?;
-        Tree::over(py, &mesh, starts, tree, nthreads)
+        Tree::over(py, &mesh, starts, (tree, layout), nthreads)
     }
 
     /// The position in space of the (0, 0, 0) that rays and points are counted from.

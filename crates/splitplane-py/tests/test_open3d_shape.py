@@ -105,7 +105,7 @@ def test_every_tree_and_any_number_of_threads_give_the_same(scene):
     expected = scene.cast_rays(rays)
     listed = scene.list_intersections(rays)
     for kind in splitplane.trees():
-        other = RaycastingScene(nthreads=1, tree=kind.name)
+        other = RaycastingScene(nthreads=1, tree=kind.name, layout="binary")
         other.add_triangles(*torus())
         other.add_triangles(*torus(24, (0.0, 0.0, 1.5)))
         for threads in (0, 2):
@@ -200,6 +200,7 @@ def test_the_card_shows_itself(scene):
         (lambda s: s.add_triangles(17), TypeError, "int"),
         (lambda s: RaycastingScene(tree="oak").build(), ValueError, 'no tree is called "oak"'),
         (lambda s: RaycastingScene(tree="wn+kd:99").build(), ValueError, "from 3 to 64"),
+        (lambda s: RaycastingScene(layout="tall").build(), ValueError, "binary and wide"),
         (lambda s: RaycastingScene(nthreads=-2), ValueError, "nthreads"),
         (lambda s: s.create_rays_pinhole(60.0, 4), TypeError, "fov_deg"),
     ],

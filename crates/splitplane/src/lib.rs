@@ -62,7 +62,7 @@
 //! Rust may be asked for in a minor version, and within a minor version nothing that compiles
 //! breaks.
 
-#![forbid(unsafe_code)]
+#![deny(unsafe_code)]
 
 mod build;
 mod catalog;
@@ -84,7 +84,8 @@ pub use geometry::{Aabb, Mesh, MeshError, Ray, Skipped};
 pub use instances::{InstanceHit, Instances, InstancesError, Transform, TransformError};
 pub use query::{ClosestPoint, Counters, Counts, Hit, Traversal};
 pub use tree::{
-    Axis, NodeCounts, Section, SectionCell, SectionSegment, Tree, TreeCard, ValidateError,
+    Axis, Layout, NodeCounts, Section, SectionCell, SectionSegment, Tree, TreeCard, ValidateError,
+    WideCard,
 };
 
 #[cfg(test)]

@@ -1,7 +1,8 @@
 //! Every tree, on scenes that are hard in different ways, against testing every triangle.
 
 use splitplane::{
-    BuildParams, Counts, DepthLimit, Directions, Hit, Mesh, Ray, TREES, Ties, Tree, TreeChoice,
+    BuildParams, Counts, DepthLimit, Directions, Hit, Layout, Mesh, Ray, TREES, Ties, Tree,
+    TreeChoice,
 };
 
 mod common;
@@ -172,21 +173,25 @@ fn every_tree_gives_the_hits_of_brute_force_bit_for_bit() {
         }
         for choice in choices() {
             for params in params() {
-                let tree = Tree::build(&mesh, choice, &params).unwrap();
-                for (ray, expected) in rays.iter().zip(&expected) {
-                    let hit = tree.closest_hit(ray, &mut ());
-                    assert_eq!(
-                        bits(hit),
-                        bits(*expected),
-                        "{choice} ({:?}) on {scene}: {ray:?} gives {hit:?}, not {expected:?}",
-                        params.ties
-                    );
-                    let any = tree.any_hit(ray, &mut ());
-                    assert_eq!(
-                        any,
-                        expected.is_some(),
-                        "{choice} on {scene}: any hit of {ray:?}"
-                    );
+                let binary = Tree::build(&mesh, choice, &params).unwrap();
+                let wide = binary.clone().with_layout(Layout::Wide).unwrap();
+                for tree in [binary, wide] {
+                    let layout = tree.layout();
+                    for (ray, expected) in rays.iter().zip(&expected) {
+                        let hit = tree.closest_hit(ray, &mut ());
+                        assert_eq!(
+                            bits(hit),
+                            bits(*expected),
+                            "{choice} ({:?}, {layout}) on {scene}: {ray:?} gives {hit:?}, not {expected:?}",
+                            params.ties
+                        );
+                        let any = tree.any_hit(ray, &mut ());
+                        assert_eq!(
+                            any,
+                            expected.is_some(),
+                            "{choice} ({layout}) on {scene}: any hit of {ray:?}"
+                        );
+                    }
                 }
             }
         }

@@ -131,13 +131,22 @@ class RaycastingScene:
     Args:
         nthreads: Threads, for building and for queries that do not say otherwise; 0: one per core.
         tree: The name of the tree; see :func:`splitplane.trees`.
+        layout: How its nodes are stored: "wide", for speed, or "binary", as it was built, whose
+            counts can be compared with those of papers.
     """
 
     INVALID_ID = 0xFFFFFFFF
 
-    def __init__(self, nthreads: int = 0, *, tree: str = _native.DEFAULT_TREE) -> None:
+    def __init__(
+        self,
+        nthreads: int = 0,
+        *,
+        tree: str = _native.DEFAULT_TREE,
+        layout: str = "wide",
+    ) -> None:
         self._nthreads = self._threads(nthreads)
         self._name = tree
+        self._layout = layout
         self._vertices: list[NDArray[Any]] = []
         self._triangles: list[NDArray[np.uint32]] = []
         self._built: _native.Tree | None = None
@@ -189,6 +198,7 @@ class RaycastingScene:
                 np.concatenate([np.zeros((0, 3), np.uint32), *triangles]),
                 [int(start) for start in starts[:-1]] or [0],
                 self._name,
+                self._layout,
                 self._nthreads,
             )
         return self._built
@@ -226,8 +236,8 @@ class RaycastingScene:
             ``t_hit`` (...), infinite for a miss; ``geometry_ids`` and ``primitive_ids`` (...),
             0xFFFFFFFF for a miss; ``primitive_uvs`` (..., 2), the barycentric weights of the
             second and third vertex; ``primitive_normals`` (..., 3), of unit length. With
-            ``stats`` also ``kd_visits``, ``oblique_visits``, ``leaf_visits`` and
-            ``triangle_tests`` (...).
+            ``stats`` also ``kd_visits``, ``oblique_visits``, ``wide_visits``, ``leaf_visits``
+            and ``triangle_tests`` (...).
         """
         flat, shape = rows(rays, 6, "rays")
         hits, counts = self._tree.closest_hit(flat, self._queries(nthreads), stats)
@@ -376,7 +386,7 @@ def _shaped(array: NDArray[Any], shape: tuple[int, ...]) -> Array:
 def _stats(counts: NDArray[np.uint32] | None, shape: tuple[int, ...]) -> dict[str, Array]:
     if counts is None:
         return {}
-    names = ("kd_visits", "oblique_visits", "leaf_visits", "triangle_tests")
+    names = ("kd_visits", "oblique_visits", "wide_visits", "leaf_visits", "triangle_tests")
     return {name: _shaped(counts[:, i], shape) for i, name in enumerate(names)}
 
 

@@ -76,16 +76,22 @@ class Scene:
 
     def _tree(self, tree: str, nthreads: int) -> _native.Tree:
         if tree not in self._trees:
-            self._trees[tree] = self._scene.build(tree, nthreads)
+            self._trees[tree] = self._scene.build(tree, "binary", nthreads)
         return self._trees[tree]
 
     def card(self, tree: str = _native.DEFAULT_TREE, *, nthreads: int = 0) -> Card:
         """The tree card of that tree over the scene's mesh."""
         return Card(json.loads(self._tree(tree, nthreads).card(self.name)))
 
-    def raycasting(self, tree: str = _native.DEFAULT_TREE, *, nthreads: int = 0) -> RaycastingScene:
+    def raycasting(
+        self,
+        tree: str = _native.DEFAULT_TREE,
+        *,
+        layout: str = "wide",
+        nthreads: int = 0,
+    ) -> RaycastingScene:
         """The scene's mesh, ready for rays of one's own."""
-        scene = RaycastingScene(nthreads, tree=tree)
+        scene = RaycastingScene(nthreads, tree=tree, layout=layout)
         scene.add_triangles(self.vertices, self.triangles)
         return scene
 

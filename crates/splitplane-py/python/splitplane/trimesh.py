@@ -11,6 +11,7 @@ All hits of a ray come from one exact traversal: none is lost where surfaces lie
 
 from __future__ import annotations
 
+import json
 from typing import Any
 
 import numpy as np
@@ -35,6 +36,7 @@ class RayMeshIntersector:
         geometry: The mesh.
         scale_to_box: There for trimesh's sake; nothing is scaled here.
         tree: The name of the tree; see :func:`splitplane.trees`.
+        layout: "wide" or "binary"; see :class:`splitplane.RaycastingScene`.
         nthreads: Threads; 0: one per core.
     """
 
@@ -44,13 +46,14 @@ class RayMeshIntersector:
         scale_to_box: bool = True,
         *,
         tree: str = _native.DEFAULT_TREE,
+        layout: str = "wide",
         nthreads: int = 0,
     ) -> None:
         if not (hasattr(geometry, "vertices") and hasattr(geometry, "faces")):
             raise TypeError(f"a mesh has vertices and faces; {type(geometry).__name__} has not")
         self.mesh = geometry
         self._scale_to_box = scale_to_box
-        self._name = tree
+        self._name, self._layout = tree, layout
         self._nthreads = nthreads
         self._built: tuple[int, _native.Tree] | None = None
 
@@ -62,15 +65,18 @@ class RayMeshIntersector:
             vertices = np.ascontiguousarray(self.mesh.vertices, dtype=np.float64)
             faces = np.ascontiguousarray(self.mesh.faces, dtype=np.uint32)
             tree = _native.Tree(
-                vertices.reshape(-1, 3), faces.reshape(-1, 3), [0], self._name, self._nthreads
+                vertices.reshape(-1, 3),
+                faces.reshape(-1, 3),
+                [0],
+                self._name,
+                self._layout,
+                self._nthreads,
             )
             self._built = (state, tree)
         return self._built[1]
 
     def card(self) -> Card:
         """The tree card: size, shape and expected cost of the tree."""
-        import json
-
         return Card(json.loads(self._tree.card("mesh")))
 
     def _rays(
@@ -194,5 +200,9 @@ class RayMeshIntersector:
 
     def __copy__(self, *_: Any) -> RayMeshIntersector:
         return RayMeshIntersector(
-            self.mesh, self._scale_to_box, tree=self._name, nthreads=self._nthreads
+            self.mesh,
+            self._scale_to_box,
+            tree=self._name,
+            layout=self._layout,
+            nthreads=self._nthreads,
         )

@@ -11,8 +11,8 @@ use super::ties::{Boundary, Touching};
 use super::triangle_planes::{self, Counter};
 use crate::catalog::{Directions, TreeChoice};
 use crate::directions::{self, NodeView, Random, fixed};
-use crate::geometry::Mesh;
 use crate::geometry::polytope::{CutScratch, Polytope, Profile};
+use crate::geometry::{Aabb, Frame, Mesh};
 
 /// Subtrees with at least this many triangles are built in parallel.
 pub(super) const PARALLEL_FROM: usize = 4096;
@@ -70,8 +70,13 @@ pub(crate) enum BuiltNode {
         above: usize,
         area: f64,
     },
-    /// The children divide the triangles, not the cell.
-    Objects { above: usize, area: f64 },
+    /// The children have boxes of their own, in a frame.
+    Objects {
+        above: usize,
+        area: f64,
+        /// The frame of the children's boxes.
+        frame: u32,
+    },
     /// The next `count` of the references.
     Leaf { count: usize, area: f64 },
 }
@@ -81,6 +86,10 @@ pub(crate) enum BuiltNode {
 pub(crate) struct Built {
     pub(crate) nodes: Vec<BuiltNode>,
     pub(crate) references: Vec<u32>,
+    /// The nodes' boxes, each in the frame that its parent names; empty where nodes have planes.
+    pub(crate) boxes: Vec<Aabb>,
+    /// The frames of the boxes, where there are others than the world's.
+    pub(crate) frames: Vec<Frame>,
     pub(crate) stats: BuildStats,
     /// The directions of the whole tree, where it has such.
     pub(crate) fixed: Vec<[f32; 3]>,
@@ -112,6 +121,7 @@ impl Built {
         self.nodes[at] = node(self.nodes.len() - at);
         self.nodes.append(&mut other.nodes);
         self.references.append(&mut other.references);
+        self.boxes.append(&mut other.boxes);
         self.stats += other.stats;
     }
 }

@@ -3,7 +3,7 @@
 
 use super::grow::{Built, BuiltNode, PARALLEL_FROM};
 use super::params::BuildParams;
-use crate::geometry::{Aabb, Mesh};
+use crate::geometry::{Aabb, Frame, Mesh};
 
 /// A triangle while the hierarchy is built.
 #[derive(Clone, Copy)]
@@ -46,6 +46,7 @@ fn divide(items: &mut [Item], depth: u32, params: &BuildParams, built: &mut Buil
     };
     let Some(Division { axis, below, .. }) = division.filter(|division| division.cost < leaf_cost)
     else {
+        built.boxes.push(bounds);
         // In the mesh's order, as in every tree.
         items.sort_unstable_by_key(|item| item.triangle);
         built.nodes.push(BuiltNode::Leaf {
@@ -57,10 +58,15 @@ fn divide(items: &mut [Item], depth: u32, params: &BuildParams, built: &mut Buil
             .extend(items.iter().map(|item| item.triangle));
         return;
     };
+    built.boxes.push(bounds);
     sort_along(items, axis);
     let (below, above) = items.split_at_mut(below);
     built.join(
-        |above| BuiltNode::Objects { above, area },
+        |above| BuiltNode::Objects {
+            above,
+            area,
+            frame: Frame::WORLD,
+        },
         below.len().min(above.len()) >= PARALLEL_FROM,
         &mut (),
         |built, ()| divide(below, depth + 1, params, built),

@@ -224,6 +224,9 @@ pub enum BuildError {
         /// The largest value it may have.
         limit: f64,
     },
+    /// A wide tree that is to be stored as a binary one.
+    #[error("a tree in the wide layout has no binary nodes any more; build it again")]
+    BinaryNodesGone,
     /// More nodes or references than a node has bits for.
     #[error("the tree has {count} {what}; its nodes can address {limit}")]
     TooLarge {

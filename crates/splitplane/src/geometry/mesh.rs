@@ -245,6 +245,12 @@ impl Mesh {
         self.skipped().not_finite == 0 && runs.all(|run| run.len() % 2 == 0)
     }
 
+    /// The area of a triangle, in square scene units.
+    pub(crate) fn area(&self, triangle: u32) -> f64 {
+        let n = normal_f64(&self.corners(triangle));
+        0.5 * (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]).sqrt()
+    }
+
     /// The unit normal of a triangle, by the right-hand rule; zero for a triangle without area.
     pub fn normal(&self, triangle: u32) -> [f32; 3] {
         let n = normal_f64(&self.corners(triangle));

@@ -1,6 +1,7 @@
 //! Rays, boxes, triangles, polytopes and the mesh.
 
 mod aabb;
+pub(crate) mod frame;
 mod mesh;
 pub(crate) mod polytope;
 pub(crate) mod proximity;
@@ -8,5 +9,6 @@ mod ray;
 pub(crate) mod triangle;
 
 pub use aabb::Aabb;
+pub(crate) use frame::Frame;
 pub use mesh::{Mesh, MeshError, Skipped};
 pub use ray::Ray;

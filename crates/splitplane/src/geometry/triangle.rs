@@ -6,10 +6,11 @@ use crate::query::Hit;
 /// What of the test depends on the ray alone: a shear that turns the ray into the z axis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shear {
-    origin: [f32; 3],
+    pub(crate) origin: [f32; 3],
     direction: [f32; 3],
-    axes: [usize; 3],
-    shear: [f32; 3],
+    /// The axes that become x, y and z: z is the one along which the ray goes furthest.
+    pub(crate) axes: [usize; 3],
+    pub(crate) shear: [f32; 3],
 }
 
 impl Shear {

@@ -27,11 +27,13 @@ pub(super) struct Closest<'a, 'b, F, C> {
 }
 
 impl<F: Fn(&InstanceHit) -> bool, C: Counters> Search for Closest<'_, '_, F, C> {
+    const NEAREST_FIRST: bool = true;
+
     fn limit(&self) -> f64 {
         f64::from(self.ray.t_max)
     }
 
-    fn test(&mut self, instance: u32) -> ControlFlow<()> {
+    fn test(&mut self, instance: u32, _: &[[f32; 3]; 3]) -> ControlFlow<()> {
         let Placed { tree, transform } = &self.placed[instance as usize];
         let accept = |hit: &Hit| {
             let found = InstanceHit {
@@ -61,11 +63,13 @@ pub(super) struct Any<'a, 'b, F, C> {
 }
 
 impl<F: Fn(&InstanceHit) -> bool, C: Counters> Search for Any<'_, '_, F, C> {
+    const NEAREST_FIRST: bool = false;
+
     fn limit(&self) -> f64 {
         f64::from(self.ray.t_max)
     }
 
-    fn test(&mut self, instance: u32) -> ControlFlow<()> {
+    fn test(&mut self, instance: u32, _: &[[f32; 3]; 3]) -> ControlFlow<()> {
         let Placed { tree, transform } = &self.placed[instance as usize];
         let accept = |hit: &Hit| {
             let found = InstanceHit {
@@ -95,11 +99,13 @@ pub(super) struct All<'a, 'b, F, C> {
 }
 
 impl<F: Fn(&InstanceHit) -> bool, C: Counters> Search for All<'_, '_, F, C> {
+    const NEAREST_FIRST: bool = false;
+
     fn limit(&self) -> f64 {
         f64::from(self.ray.t_max)
     }
 
-    fn test(&mut self, instance: u32) -> ControlFlow<()> {
+    fn test(&mut self, instance: u32, _: &[[f32; 3]; 3]) -> ControlFlow<()> {
         let Placed { tree, transform } = &self.placed[instance as usize];
         let found = |&hit: &Hit| InstanceHit { hit, instance };
         let accept = |hit: &Hit| (self.accept)(&found(hit));

@@ -4,13 +4,14 @@ use std::ops::ControlFlow;
 
 use super::traverse::Search;
 use super::{Counters, Hit, run};
+#[cfg(test)]
+use crate::geometry::Mesh;
+use crate::geometry::Ray;
 use crate::geometry::triangle::Shear;
-use crate::geometry::{Mesh, Ray};
 use crate::tree::Tree;
 
 /// Collects hits; one for each reference that is met, since a leaf does not know the others.
 struct All<'a, F> {
-    mesh: &'a Mesh,
     shear: Shear,
     t_min: f32,
     t_max: f32,
@@ -19,18 +20,19 @@ struct All<'a, F> {
 }
 
 impl<F: Fn(&Hit) -> bool> Search for All<'_, F> {
+    const NEAREST_FIRST: bool = false;
+
     #[inline(always)]
     fn limit(&self) -> f64 {
         f64::from(self.t_max)
     }
 
     #[inline(always)]
-    fn test(&mut self, triangle: u32) -> ControlFlow<()> {
-        let corners = self.mesh.corners(triangle);
-        if let Some(hit) = self.shear.intersect(&corners, triangle)
+    fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()> {
+        if let Some(hit) = self.shear.intersect(corners, triangle)
             && hit.t > self.t_min
             && hit.t <= self.t_max
-            && self.shear.meets_plane_beyond(self.t_min, &corners)
+            && self.shear.meets_plane_beyond(self.t_min, corners)
             && (self.accept)(&hit)
         {
             self.hits.push(hit);
@@ -48,7 +50,6 @@ pub(crate) fn all_hits(
 ) {
     hits.clear();
     let mut search = All {
-        mesh: tree.mesh(),
         shear: Shear::of(ray),
         t_min: ray.t_min,
         t_max: ray.t_max,
@@ -71,7 +72,6 @@ fn sort(hits: &mut Vec<Hit>) {
 pub(super) fn test_all(mesh: &Mesh, ray: &Ray) -> Vec<Hit> {
     let mut hits = Vec::new();
     let mut search = All {
-        mesh,
         shear: Shear::of(ray),
         t_min: ray.t_min,
         t_max: ray.t_max,
@@ -79,7 +79,7 @@ pub(super) fn test_all(mesh: &Mesh, ray: &Ray) -> Vec<Hit> {
         hits: &mut hits,
     };
     for &triangle in mesh.usable_triangles() {
-        let _ = search.test(triangle);
+        let _ = search.test(triangle, &mesh.corners(triangle));
     }
     sort(&mut hits);
     hits

@@ -6,25 +6,27 @@ use robust::{Coord, Coord3D, orient2d, orient3d};
 
 use super::traverse::Search;
 use super::{Counters, Traversal, run_in};
-use crate::geometry::{Mesh, Ray};
+use crate::geometry::Ray;
 use crate::query::Place;
 use crate::tree::Tree;
 
-struct Crossings<'a> {
-    mesh: &'a Mesh,
+struct Crossings {
     point: [f32; 3],
     above: Vec<u32>,
 }
 
-impl Search for Crossings<'_> {
+impl Search for Crossings {
+    const NEAREST_FIRST: bool = false;
+    const HITS_ONLY: bool = false;
+
     #[inline(always)]
     fn limit(&self) -> f64 {
         f64::INFINITY
     }
 
     #[inline(always)]
-    fn test(&mut self, triangle: u32) -> ControlFlow<()> {
-        if is_above(&self.mesh.corners(triangle), self.point) {
+    fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()> {
+        if is_above(corners, self.point) {
             self.above.push(triangle);
         }
         ControlFlow::Continue(())
@@ -65,7 +67,6 @@ fn is_above(corners: &[[f32; 3]; 3], point: [f32; 3]) -> bool {
 
 pub(crate) fn contains(tree: &Tree, point: [f32; 3], counters: &mut impl Counters) -> bool {
     let mut search = Crossings {
-        mesh: tree.mesh(),
         point,
         above: Vec::new(),
     };

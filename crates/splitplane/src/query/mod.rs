@@ -3,12 +3,14 @@
 mod all_hits;
 mod inside;
 mod nearby;
+mod simd;
 mod traverse;
+mod wide;
 
 use std::ops::ControlFlow;
 
+use crate::geometry::Ray;
 use crate::geometry::triangle::Shear;
-use crate::geometry::{Mesh, Ray};
 use crate::tree::{Tree, with_nodes};
 pub(crate) use all_hits::all_hits;
 pub(crate) use inside::contains;
@@ -46,9 +48,12 @@ pub enum Traversal {
 /// What a query reports while it runs. Counting never changes a result; `()` counts nothing and
 /// costs nothing.
 pub trait Counters {
-    /// A triangle was tested.
+    /// So many triangles were tested.
     #[inline(always)]
-    fn triangle_test(&mut self) {}
+    fn triangle_tests(&mut self, _triangles: u32) {}
+    /// A node with eight boxes was visited.
+    #[inline(always)]
+    fn wide_visit(&mut self) {}
     /// An axis-aligned interior node was visited.
     #[inline(always)]
     fn kd_visit(&mut self) {}
@@ -72,14 +77,20 @@ pub struct Counts {
     pub kd_visits: u64,
     /// Interior nodes with an oblique plane visited.
     pub oblique_visits: u64,
+    /// Nodes with eight boxes visited.
+    pub wide_visits: u64,
     /// Leaves visited.
     pub leaf_visits: u64,
 }
 
 impl Counters for Counts {
     #[inline(always)]
-    fn triangle_test(&mut self) {
-        self.triangle_tests += 1;
+    fn triangle_tests(&mut self, triangles: u32) {
+        self.triangle_tests += u64::from(triangles);
+    }
+    #[inline(always)]
+    fn wide_visit(&mut self) {
+        self.wide_visits += 1;
     }
     #[inline(always)]
     fn kd_visit(&mut self) {
@@ -100,6 +111,7 @@ impl std::ops::AddAssign for Counts {
         self.triangle_tests += other.triangle_tests;
         self.kd_visits += other.kd_visits;
         self.oblique_visits += other.oblique_visits;
+        self.wide_visits += other.wide_visits;
         self.leaf_visits += other.leaf_visits;
     }
 }
@@ -111,24 +123,23 @@ impl std::ops::Sub for Counts {
             triangle_tests: self.triangle_tests - other.triangle_tests,
             kd_visits: self.kd_visits - other.kd_visits,
             oblique_visits: self.oblique_visits - other.oblique_visits,
+            wide_visits: self.wide_visits - other.wide_visits,
             leaf_visits: self.leaf_visits - other.leaf_visits,
         }
     }
 }
 
 /// The nearest of the hits that `accept` takes.
-struct Closest<'a, F> {
-    mesh: &'a Mesh,
+struct Closest<F> {
     shear: Shear,
     t_min: f32,
     best: Hit,
     accept: F,
 }
 
-impl<'a, F: Fn(&Hit) -> bool> Closest<'a, F> {
-    fn new(mesh: &'a Mesh, ray: &Ray, accept: F) -> Self {
+impl<F: Fn(&Hit) -> bool> Closest<F> {
+    fn new(ray: &Ray, accept: F) -> Self {
         Closest {
-            mesh,
             shear: Shear::of(ray),
             t_min: ray.t_min,
             best: Hit {
@@ -146,19 +157,20 @@ impl<'a, F: Fn(&Hit) -> bool> Closest<'a, F> {
     }
 }
 
-impl<F: Fn(&Hit) -> bool> Search for Closest<'_, F> {
+impl<F: Fn(&Hit) -> bool> Search for Closest<F> {
+    const NEAREST_FIRST: bool = true;
+
     #[inline(always)]
     fn limit(&self) -> f64 {
         f64::from(self.best.t)
     }
 
     #[inline(always)]
-    fn test(&mut self, triangle: u32) -> ControlFlow<()> {
-        let corners = self.mesh.corners(triangle);
-        if let Some(hit) = self.shear.intersect(&corners, triangle)
+    fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()> {
+        if let Some(hit) = self.shear.intersect(corners, triangle)
             && hit.t > self.t_min
             && (hit.t < self.best.t || hit.t == self.best.t && triangle < self.best.triangle)
-            && self.shear.meets_plane_beyond(self.t_min, &corners)
+            && self.shear.meets_plane_beyond(self.t_min, corners)
             && (self.accept)(&hit)
         {
             self.best = hit;
@@ -168,8 +180,7 @@ impl<F: Fn(&Hit) -> bool> Search for Closest<'_, F> {
 }
 
 /// Whether there is a hit that `accept` takes.
-struct Any<'a, F> {
-    mesh: &'a Mesh,
+struct Any<F> {
     shear: Shear,
     t_min: f32,
     t_max: f32,
@@ -177,19 +188,20 @@ struct Any<'a, F> {
     accept: F,
 }
 
-impl<F: Fn(&Hit) -> bool> Search for Any<'_, F> {
+impl<F: Fn(&Hit) -> bool> Search for Any<F> {
+    const NEAREST_FIRST: bool = false;
+
     #[inline(always)]
     fn limit(&self) -> f64 {
         f64::from(self.t_max)
     }
 
     #[inline(always)]
-    fn test(&mut self, triangle: u32) -> ControlFlow<()> {
-        let corners = self.mesh.corners(triangle);
-        if let Some(hit) = self.shear.intersect(&corners, triangle)
+    fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()> {
+        if let Some(hit) = self.shear.intersect(corners, triangle)
             && hit.t > self.t_min
             && hit.t <= self.t_max
-            && self.shear.meets_plane_beyond(self.t_min, &corners)
+            && self.shear.meets_plane_beyond(self.t_min, corners)
             && (self.accept)(&hit)
         {
             self.found = true;
@@ -208,7 +220,7 @@ pub(crate) fn closest_hit(
     accept: impl Fn(&Hit) -> bool,
     counters: &mut impl Counters,
 ) -> Option<Hit> {
-    let mut search = Closest::new(tree.mesh(), ray, accept);
+    let mut search = Closest::new(ray, accept);
     run(tree, ray, &mut search, counters);
     search.found()
 }
@@ -220,7 +232,6 @@ pub(crate) fn any_hit(
     counters: &mut impl Counters,
 ) -> bool {
     let mut search = Any {
-        mesh: tree.mesh(),
         shear: Shear::of(ray),
         t_min: ray.t_min,
         t_max: ray.t_max,
@@ -244,21 +255,24 @@ pub(crate) fn run_in(
     counters: &mut impl Counters,
 ) {
     if ray.is_valid() && !place.bounds.is_empty() {
-        with_nodes!(tree, nodes => traverse(nodes, tree.shared(), tree.references(), place, ray, search, counters));
+        if let Some(wide) = tree.wide() {
+            return wide::traverse(wide, ray, search, counters);
+        }
+        with_nodes!(tree, nodes => traverse(nodes, tree.shared(), tree.references(), tree.mesh(), place, ray, search, counters));
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{BuildParams, TREES, TreeChoice};
+    use crate::{BuildParams, Mesh, TREES, TreeChoice};
     use proptest::prelude::*;
 
     /// Every triangle tested, without a tree and without a box.
     fn test_all(mesh: &Mesh, ray: &Ray) -> Option<Hit> {
-        let mut search = Closest::new(mesh, ray, |_| true);
+        let mut search = Closest::new(ray, |_| true);
         for &triangle in mesh.usable_triangles() {
-            let _ = search.test(triangle);
+            let _ = search.test(triangle, &mesh.corners(triangle));
         }
         search.found()
     }
@@ -298,22 +312,26 @@ mod tests {
             let mut hits = Vec::new();
             for spec in TREES {
                 let choice = TreeChoice::new(spec.name, None).unwrap();
-                let tree = Tree::build(&mesh, choice, &params).unwrap();
+                let binary = Tree::build(&mesh, choice, &params).unwrap();
+                let wide = binary.clone().with_layout(crate::Layout::Wide).unwrap();
                 for &(origin, target) in &rays {
                     let origin = move_away(origin.map(|c| c * origin_scale));
                     let target = move_away(target);
                     let ray = Ray::new(origin, std::array::from_fn(|i| target[i] - origin[i]));
-                    let (found, all) = (tree.closest_hit(&ray, &mut ()), test_all(&mesh, &ray));
-                    prop_assert_eq!(found, all, "{} {:?}", choice, ray);
-                    prop_assert_eq!(tree.any_hit(&ray, &mut ()), all.is_some());
+                    let nearest = test_all(&mesh, &ray);
                     let all = all_hits::test_all(&mesh, &ray);
-                    tree.all_hits(&ray, &mut hits, &mut ());
-                    prop_assert_eq!(&hits, &all, "{} {:?}", choice, ray);
                     // The second of all hits is the nearest without the first.
                     let others = |hit: &Hit| Some(hit.triangle) != all.first().map(|hit| hit.triangle);
-                    let second = tree.closest_hit_where(&ray, others, &mut ());
-                    prop_assert_eq!(second, all.get(1).copied(), "{} {:?}", choice, ray);
-                    prop_assert_eq!(tree.any_hit_where(&ray, others, &mut ()), second.is_some());
+                    for tree in [&binary, &wide] {
+                        let found = tree.closest_hit(&ray, &mut ());
+                        prop_assert_eq!(found, nearest, "{} {} {:?}", choice, tree.layout(), ray);
+                        prop_assert_eq!(tree.any_hit(&ray, &mut ()), nearest.is_some());
+                        tree.all_hits(&ray, &mut hits, &mut ());
+                        prop_assert_eq!(&hits, &all, "{} {} {:?}", choice, tree.layout(), ray);
+                        let second = tree.closest_hit_where(&ray, others, &mut ());
+                        prop_assert_eq!(second, all.get(1).copied(), "{} {:?}", choice, ray);
+                        prop_assert_eq!(tree.any_hit_where(&ray, others, &mut ()), second.is_some());
+                    }
                 }
             }
         }

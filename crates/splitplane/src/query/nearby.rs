@@ -2,13 +2,14 @@
 
 use std::ops::ControlFlow;
 
-use super::traverse::{Place, Search};
+use super::traverse::Search;
 use super::{Counters, NONE};
 use crate::build::BuildParams;
 use crate::geometry::proximity::{Nearest, nearest_on_triangle, overlaps_box};
-use crate::geometry::triangle::dot;
-use crate::geometry::{Aabb, Mesh};
-use crate::tree::nodes::{Layout, Shared, View};
+use crate::geometry::triangle::{difference, dot};
+use crate::geometry::{Aabb, Frame, Mesh};
+use crate::tree::nodes::{Layout, View};
+use crate::tree::wide::{Child, Link, WIDTH, Wide};
 use crate::tree::{Tree, with_nodes};
 
 /// The point of a mesh that is nearest to another point.
@@ -28,6 +29,7 @@ pub struct ClosestPoint {
 }
 
 /// What the distances are measured from: a box, or a point, which is one without extent.
+#[derive(Clone, Copy)]
 struct Probe {
     center: [f64; 3],
     half: [f64; 3],
@@ -52,20 +54,48 @@ impl Probe {
         }
     }
 
-    /// Per axis, how far it is from the box.
-    #[inline(always)]
-    fn gap(&self, bounds: &Aabb, slack: f64) -> Gap {
-        let gap = |i: usize| {
-            let below = f64::from(bounds.min[i]) - self.center[i];
-            let above = self.center[i] - f64::from(bounds.max[i]);
-            let gap = (below.max(above) - self.half[i] - slack).max(0.0);
-            if below > above { gap } else { -gap }
-        };
-        let planes: [f64; 3] = std::array::from_fn(gap);
-        Gap {
-            axes: planes.map(f64::abs),
-            planes,
+    /// The probe in a frame: its box there.
+    fn in_frame(&self, frame: u32, frames: &[Frame]) -> Local {
+        if frame == Frame::WORLD {
+            return Local {
+                probe: *self,
+                scale: 1.0,
+            };
         }
+        let frame = &frames[frame as usize];
+        let rows = frame.rows.map(|row| row.map(f64::from));
+        // No vector is longer in the frame than by the root of this: no eigenvalue of a symmetric
+        // matrix is larger than its largest sum of a row [GolubVanLoan2013, 7.2].
+        let sums = rows.map(|a| rows.iter().map(|&b| dot(a, b).abs()).sum());
+        let longest: f64 = sums.into_iter().fold(0.0, f64::max);
+        Local {
+            probe: Probe {
+                center: frame.map(self.center),
+                half: rows.map(|row| (0..3).map(|i| row[i].abs() * self.half[i]).sum()),
+            },
+            scale: 1.0 / longest.sqrt(),
+        }
+    }
+}
+
+/// The probe as the boxes of one frame see it.
+struct Local {
+    probe: Probe,
+    /// Distances in space over distances in the frame, at least.
+    scale: f64,
+}
+
+impl Local {
+    /// How far the probe is from a box, in space, at least; axis by axis.
+    #[inline(always)]
+    fn gap(&self, bounds: &Aabb, slack: f64) -> [f64; 3] {
+        let Probe { center, half } = &self.probe;
+        std::array::from_fn(|i| {
+            let below = f64::from(bounds.min[i]) - center[i];
+            let above = center[i] - f64::from(bounds.max[i]);
+            let gap = (below.max(above) - half[i] - slack).max(0.0) * self.scale;
+            if below > above { gap } else { -gap }
+        })
     }
 }
 
@@ -78,6 +108,15 @@ struct Gap {
 }
 
 impl Gap {
+    /// The gap to a box, given axis by axis.
+    #[inline(always)]
+    fn of(gap: [f64; 3]) -> Self {
+        Gap {
+            axes: gap.map(f64::abs),
+            planes: gap,
+        }
+    }
+
     #[inline(always)]
     fn squared(&self) -> f64 {
         // Less what the steps of `behind` have rounded.
@@ -120,19 +159,17 @@ impl Gap {
 /// child behind a plane is at least as far as the plane, less the overhang. `slack` is that, and
 /// what f64 rounds.
 fn approach<N: Layout>(
-    (nodes, shared, references): (&[N], &Shared, &[u32]),
-    place: &Place,
+    tree: &Tree,
+    nodes: &[N],
     probe: &Probe,
+    slack: f64,
     search: &mut impl Search,
     counters: &mut impl Counters,
 ) {
-    let far = (0..3).map(|i| probe.center[i].abs() + probe.half[i]);
-    let reach = far.fold(f64::from(place.bounds.reach()), f64::max);
-    let slack = 1.1 * place.overhang + 1e-12 * reach;
-    let mut gap = probe.gap(&place.bounds, slack);
-    if place.bounds.is_empty() || gap.squared() > search.limit() {
-        return;
-    }
+    let (mesh, shared, references) = (tree.mesh(), tree.shared(), tree.references());
+    let mut local = probe.in_frame(Frame::WORLD, &[]);
+    let mut current = Frame::WORLD;
+    let mut gap = Gap::of(local.gap(&tree.place().bounds, slack));
     let mut stack = [(0u32, gap); BuildParams::MAX_DEPTH as usize];
     let mut depth = 0;
     let mut at = 0;
@@ -170,10 +207,14 @@ fn approach<N: Layout>(
                 let (near, far) = sides(at, above, distance);
                 (near, far, far_gap)
             }
-            View::Objects { above } => {
+            View::Objects { above, frame } => {
                 counters.kd_visit();
+                if frame != current {
+                    current = frame;
+                    local = probe.in_frame(frame, &shared.frames);
+                }
                 let [below_gap, above_gap] =
-                    [at + 1, above].map(|node| probe.gap(&nodes[node].bounds(), slack));
+                    [at + 1, above].map(|node| Gap::of(local.gap(&nodes[node].bounds(), slack)));
                 if above_gap.squared() < below_gap.squared() {
                     gap = above_gap;
                     (above, at + 1, below_gap)
@@ -185,8 +226,8 @@ fn approach<N: Layout>(
             View::Leaf(leaf) => {
                 counters.leaf_visit(leaf.count);
                 for &triangle in leaf.triangles(references) {
-                    counters.triangle_test();
-                    if search.test(triangle).is_break() {
+                    counters.triangle_tests(1);
+                    if search.test(triangle, &mesh.corners(triangle)).is_break() {
                         return;
                     }
                 }
@@ -221,28 +262,97 @@ fn sides(at: usize, above: usize, distance: f64) -> (usize, usize) {
     }
 }
 
-fn run(tree: &Tree, probe: &Probe, search: &mut impl Search, counters: &mut impl Counters) {
-    with_nodes!(tree, nodes => {
-        approach((nodes, tree.shared(), tree.references()), tree.place(), probe, search, counters);
-    });
+/// The same in the wide layout, whose boxes hold all of the triangles in their cells.
+fn approach_wide<S: Search>(
+    mesh: &Mesh,
+    wide: &Wide,
+    probe: &Probe,
+    slack: f64,
+    search: &mut S,
+    counters: &mut impl Counters,
+) {
+    // Boxes are relative to the centre of the scene.
+    let relative = Probe {
+        center: difference(probe.center, wide.center),
+        half: probe.half,
+    };
+    let mut local = relative.in_frame(Frame::WORLD, &wide.frames);
+    let mut current = Frame::WORLD;
+    let mut pending = vec![(0.0, Link::ROOT)];
+    while let Some((squared, link)) = pending.pop() {
+        if squared > search.limit() {
+            continue;
+        }
+        match link.child() {
+            Child::Node(index) => {
+                counters.wide_visit();
+                let node = &wide.nodes[index];
+                if node.frame != current {
+                    current = node.frame;
+                    local = relative.in_frame(current, &wide.frames);
+                }
+                let first = pending.len();
+                for slot in 0..WIDTH {
+                    let side = |high: usize| std::array::from_fn(|i| node.bounds[high + i][slot]);
+                    let bounds = Aabb {
+                        min: side(0),
+                        max: side(3),
+                    };
+                    let gap = local.gap(&bounds, slack);
+                    let squared = dot(gap, gap);
+                    if !bounds.is_empty() && squared <= search.limit() {
+                        pending.push((squared, node.children[slot]));
+                    }
+                }
+                if S::NEAREST_FIRST {
+                    pending[first..].sort_unstable_by(|a, b| b.0.total_cmp(&a.0));
+                }
+            }
+            Child::Leaf { start, count } => {
+                counters.leaf_visit(count as u32);
+                counters.triangle_tests(count as u32);
+                for &triangle in &wide.triangles[start..start + count] {
+                    if search.test(triangle, &mesh.corners(triangle)).is_break() {
+                        return;
+                    }
+                }
+            }
+        }
+    }
 }
 
-struct Closest<'a> {
-    mesh: &'a Mesh,
+fn run(tree: &Tree, probe: &Probe, search: &mut impl Search, counters: &mut impl Counters) {
+    let place = tree.place();
+    let far = (0..3).map(|i| probe.center[i].abs() + probe.half[i]);
+    let reach = far.fold(f64::from(place.bounds.reach()), f64::max);
+    let slack = 1.1 * place.overhang + 1e-12 * reach;
+    let whole = probe.in_frame(Frame::WORLD, &[]).gap(&place.bounds, slack);
+    if place.bounds.is_empty() || dot(whole, whole) > search.limit() {
+        return;
+    }
+    if let Some(wide) = tree.wide() {
+        return approach_wide(tree.mesh(), wide, probe, slack, search, counters);
+    }
+    with_nodes!(tree, nodes => approach(tree, nodes, probe, slack, search, counters));
+}
+
+struct Closest {
     point: [f64; 3],
     best: Nearest,
     triangle: u32,
 }
 
-impl Search for Closest<'_> {
+impl Search for Closest {
+    const NEAREST_FIRST: bool = true;
+
     #[inline(always)]
     fn limit(&self) -> f64 {
         self.best.squared
     }
 
     #[inline(always)]
-    fn test(&mut self, triangle: u32) -> ControlFlow<()> {
-        let near = nearest_on_triangle(self.point, &self.mesh.corners(triangle));
+    fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()> {
+        let near = nearest_on_triangle(self.point, corners);
         if near.squared < self.best.squared
             || near.squared == self.best.squared && triangle < self.triangle
         {
@@ -263,7 +373,6 @@ pub(crate) fn closest_point(
     }
     let probe = Probe::point(point);
     let mut search = Closest {
-        mesh: tree.mesh(),
         point: probe.center,
         best: Nearest {
             squared: f64::from(max_distance) * f64::from(max_distance),
@@ -290,22 +399,24 @@ struct Overlaps<F> {
     found: Vec<u32>,
 }
 
-impl<F: Fn(u32) -> bool> Search for Overlaps<F> {
+impl<F: Fn(&[[f32; 3]; 3]) -> bool> Search for Overlaps<F> {
+    const NEAREST_FIRST: bool = false;
+
     #[inline(always)]
     fn limit(&self) -> f64 {
         self.limit
     }
 
     #[inline(always)]
-    fn test(&mut self, triangle: u32) -> ControlFlow<()> {
-        if (self.overlaps)(triangle) {
+    fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()> {
+        if (self.overlaps)(corners) {
             self.found.push(triangle);
         }
         ControlFlow::Continue(())
     }
 }
 
-impl<F: Fn(u32) -> bool> Overlaps<F> {
+impl<F> Overlaps<F> {
     fn in_order(mut self) -> Vec<u32> {
         self.found.sort_unstable();
         self.found.dedup();
@@ -325,7 +436,7 @@ pub(crate) fn overlaps_region(
     let probe = Probe::of(region);
     let mut search = Overlaps {
         limit: 0.0,
-        overlaps: |triangle| overlaps_box(&tree.mesh().corners(triangle), probe.center, probe.half),
+        overlaps: |corners: &[[f32; 3]; 3]| overlaps_box(corners, probe.center, probe.half),
         found: Vec::new(),
     };
     run(tree, &probe, &mut search, counters);
@@ -345,9 +456,8 @@ pub(crate) fn overlaps_sphere(
     let limit = f64::from(radius) * f64::from(radius);
     let mut search = Overlaps {
         limit,
-        overlaps: |triangle| {
-            let corners = tree.mesh().corners(triangle);
-            nearest_on_triangle(probe.center, &corners).squared <= limit
+        overlaps: |corners: &[[f32; 3]; 3]| {
+            nearest_on_triangle(probe.center, corners).squared <= limit
         },
         found: Vec::new(),
     };

@@ -4,15 +4,19 @@ use std::ops::ControlFlow;
 
 use super::{Counters, Traversal};
 use crate::build::BuildParams;
-use crate::geometry::{Aabb, Ray};
+use crate::geometry::{Aabb, Frame, Mesh, Ray};
 use crate::tree::nodes::{Layout, Shared, View};
 
 /// What a traversal looks for.
 pub(crate) trait Search {
     /// Beyond this t nothing is wanted any more.
     fn limit(&self) -> f64;
-    /// Tests a triangle; breaks when the answer is known.
-    fn test(&mut self, triangle: u32) -> ControlFlow<()>;
+    /// Whether hits are best found in their order along the ray; otherwise where they are likely.
+    const NEAREST_FIRST: bool;
+    /// Whether triangles that the ray-triangle test misses need not be tested.
+    const HITS_ONLY: bool = true;
+    /// Tests a triangle of these corners; breaks when the answer is known.
+    fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()>;
 }
 
 /// What of a tree decides where a ray may meet a triangle.
@@ -29,6 +33,7 @@ pub(crate) struct Place {
 
 /// A ray as the traversal sees it, in f64: so the only errors that count are those of the
 /// triangle test and of the build, and both are lengths.
+#[derive(Clone, Copy, Default)]
 struct Line {
     origin: [f64; 3],
     direction: [f64; 3],
@@ -39,6 +44,8 @@ struct Line {
     slope: f64,
     /// The largest such distance on this ray.
     largest: f64,
+    /// The largest component of the direction, in the world's axes.
+    longest: f64,
     /// Per axis, the same in multiples of the direction; see [`Line::margin`].
     axis_margin: [(f64, f64); 3],
 }
@@ -70,7 +77,32 @@ impl Line {
         // No vertex is further from the origin than this.
         let reach = max(&ray.origin) + f64::from(place.bounds.reach());
         let largest = scale * (unit * reach + 1.1 * place.overhang);
-        let direction = ray.direction.map(f64::from);
+        Line {
+            base,
+            slope,
+            largest,
+            longest,
+            ..Line::default()
+        }
+        .along(ray.origin.map(f64::from), ray.direction.map(f64::from))
+    }
+
+    /// The same ray in a frame. Lengths are about the same in all frames, so the distances are.
+    fn in_frame(&self, ray: &Ray, frame: &Frame) -> Self {
+        self.along(
+            frame.map(ray.origin.map(f64::from)),
+            frame.map(ray.direction.map(f64::from)),
+        )
+    }
+
+    fn along(&self, origin: [f64; 3], direction: [f64; 3]) -> Self {
+        let Line {
+            base,
+            slope,
+            largest,
+            longest,
+            ..
+        } = *self;
         // A component this small moves the ray by less than any rounding, and its inverse is
         // finite, so that a ray along a plane needs no case of its own.
         let inverse = direction.map(|c| 1.0 / c.abs().max(longest * 1e-30).copysign(c));
@@ -78,15 +110,12 @@ impl Line {
             true => (largest * inverse.abs(), 0.0),
             false => (base * inverse.abs(), slope * inverse.abs()),
         });
-        let origin = ray.origin.map(f64::from);
         Line {
             origin,
             direction,
             inverse,
-            base,
-            slope,
-            largest,
             axis_margin,
+            ..*self
         }
     }
 
@@ -157,12 +186,14 @@ pub(super) fn traverse<N: Layout>(
     nodes: &[N],
     shared: &Shared,
     references: &[u32],
+    mesh: &Mesh,
     place: &Place,
     ray: &Ray,
     search: &mut impl Search,
     counters: &mut impl Counters,
 ) {
-    let line = Line::new(ray, place);
+    let world = Line::new(ray, place);
+    let (mut line, mut current) = (world, Frame::WORLD);
     let interval = (f64::from(ray.t_min), f64::from(ray.t_max));
     let Some((mut near, mut far)) = line.clip(interval, &place.bounds) else {
         return;
@@ -194,8 +225,15 @@ pub(super) fn traverse<N: Layout>(
                 let t = (f64::from(offset) - (n[0] * o[0] + n[1] * o[1] + n[2] * o[2])) * inverse;
                 (t, line.margin(t, inverse), inverse > 0.0, above)
             }
-            View::Objects { above } => {
+            View::Objects { above, frame } => {
                 counters.kd_visit();
+                if frame != current {
+                    current = frame;
+                    line = match frame {
+                        Frame::WORLD => world,
+                        _ => world.in_frame(ray, &shared.frames[frame as usize]),
+                    };
+                }
                 let clip = |node: usize| line.clip((near, far), &nodes[node].bounds());
                 let children = [(at + 1, clip(at + 1)), (above, clip(above))];
                 let [first, second] =
@@ -221,8 +259,8 @@ pub(super) fn traverse<N: Layout>(
             View::Leaf(leaf) => {
                 counters.leaf_visit(leaf.count);
                 for &triangle in leaf.triangles(references) {
-                    counters.triangle_test();
-                    if search.test(triangle).is_break() {
+                    counters.triangle_tests(1);
+                    if search.test(triangle, &mesh.corners(triangle)).is_break() {
                         return;
                     }
                 }

@@ -57,6 +57,24 @@ pub struct TreeCard {
     pub bytes: u64,
     /// What the build found.
     pub build: BuildStats,
+    /// The wide nodes, where the tree is stored in the wide layout; all else but the bytes is of the
+    /// tree as it was built.
+    pub wide: Option<WideCard>,
+}
+
+/// The size of a tree in the wide layout.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WideCard {
+    /// Nodes with up to eight children.
+    pub nodes: u64,
+    /// Leaves, each of up to eight triangles.
+    pub leaves: u64,
+    /// Triangles in all leaves.
+    pub references: u64,
+    /// Depth of the deepest node; the root's is 0.
+    pub depth: u32,
+    /// Wide nodes by the frame of their boxes, the world's axes first.
+    pub frames: Vec<u64>,
 }
 
 /// What a random line through the scene's box meets on average: areas of cells over that of the
@@ -95,7 +113,10 @@ impl Expected {
 impl Tree {
     /// What is known of the tree. Walks all nodes.
     pub fn card(&self) -> TreeCard {
-        with_nodes!(self, nodes => self.card_of(nodes))
+        match &self.wide {
+            Some((_, card)) => card.clone(),
+            None => with_nodes!(self, nodes => self.card_of(nodes)),
+        }
     }
 
     fn card_of<N: Layout>(&self, nodes: &[N]) -> TreeCard {
@@ -115,7 +136,7 @@ impl Tree {
                     continue;
                 }
                 View::Axis { above, .. } => (true, above),
-                View::Objects { above } => (true, above),
+                View::Objects { above, .. } => (true, above),
                 View::Oblique { above, is_axis, .. } => (is_axis, above),
             };
             pending.extend([(above, depth + 1), (at + 1, depth + 1)]);
@@ -163,6 +184,7 @@ impl Tree {
                 + self.params.intersection_cost * expected_tests,
             bytes: (size_of_val(nodes) + size_of_val(self.references())) as u64,
             build: self.stats,
+            wide: None,
         }
     }
 }

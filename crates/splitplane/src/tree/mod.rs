@@ -4,8 +4,9 @@ mod card;
 pub(crate) mod nodes;
 mod section;
 mod validate;
+pub(crate) mod wide;
 
-pub use card::{NodeCounts, TreeCard};
+pub use card::{NodeCounts, TreeCard, WideCard};
 pub use section::{Axis, Section, SectionCell, SectionSegment};
 pub use validate::ValidateError;
 
@@ -15,6 +16,7 @@ use crate::geometry::{Aabb, Mesh, Ray};
 use crate::query::{self, ClosestPoint, Counters, Hit, Place, Traversal};
 use card::Expected;
 use nodes::{BoxNode, IndexedNode, KdNode, ObliqueNode, Shared};
+use wide::Wide;
 
 /// A tree over a mesh, ready for queries. Cloning copies the nodes, not the mesh.
 ///
@@ -30,6 +32,51 @@ pub struct Tree {
     expected: Expected,
     stats: BuildStats,
     place: Place,
+    /// The nodes in the wide layout; then there are no others, and the card is kept.
+    wide: Option<(Wide, TreeCard)>,
+}
+
+/// How the nodes of a tree are stored. Hits are the same in all layouts.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Layout {
+    /// As built: one plane or two boxes a node, with counters that can be compared with those of
+    /// papers.
+    #[default]
+    Binary,
+    /// Nodes of eight boxes around what lies in the cells, leaves of up to eight triangles, both
+    /// tested with SIMD instructions: several times as fast.
+    Wide,
+}
+
+impl Layout {
+    /// All layouts.
+    pub const ALL: [Layout; 2] = [Layout::Binary, Layout::Wide];
+
+    /// The layout's name: "binary", "wide".
+    pub fn name(self) -> &'static str {
+        match self {
+            Layout::Binary => "binary",
+            Layout::Wide => "wide",
+        }
+    }
+}
+
+impl std::fmt::Display for Layout {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl std::str::FromStr for Layout {
+    type Err = String;
+
+    fn from_str(name: &str) -> Result<Self, String> {
+        let named = |layout: &Layout| layout.name() == name.trim().to_lowercase();
+        Layout::ALL
+            .into_iter()
+            .find(named)
+            .ok_or_else(|| format!("no layout is called \"{name}\"; there are binary and wide"))
+    }
 }
 
 /// The nodes, in the layout that the tree's planes need.
@@ -134,11 +181,10 @@ impl Tree {
         built: &Built,
     ) -> Result<Tree, BuildError> {
         let spec = choice.spec;
-        let shared = Shared::new(built.fixed.clone(), spec.axis_nodes);
+        let shared = Shared::new(built.fixed.clone(), built.frames.clone(), spec.axis_nodes);
         let (nodes, references) = match Kind::of(spec) {
             Kind::Boxes => {
-                let (mut nodes, references) = nodes::store(built, &shared)?;
-                nodes::fit_boxes(&mut nodes, &references, mesh, &shared);
+                let (nodes, references) = nodes::store(built, &shared)?;
                 (Nodes::Boxes(nodes), references)
             }
             Kind::Indexed => {
@@ -170,6 +216,7 @@ impl Tree {
                 overhang: params.ties.overhang(&bounds),
                 traversal: Traversal::default(),
             },
+            wide: None,
         })
     }
 
@@ -186,6 +233,36 @@ impl Tree {
     /// The parameters that the tree was built with.
     pub fn params(&self) -> &BuildParams {
         &self.params
+    }
+
+    /// The same tree, stored in this layout.
+    ///
+    /// # Errors
+    /// A tree too large for the layout's indices, or one that is wide already and is to be binary:
+    /// its binary nodes are gone, it must be built again.
+    pub fn with_layout(mut self, layout: Layout) -> Result<Self, BuildError> {
+        if layout == self.layout() {
+            return Ok(self);
+        }
+        if layout == Layout::Binary {
+            return Err(BuildError::BinaryNodesGone);
+        }
+        let mut card = self.card();
+        let wide = Wide::of(&self)?;
+        card.bytes = wide.bytes() as u64;
+        card.wide = Some(wide.card());
+        self.nodes = Nodes::Kd(Vec::new());
+        self.references = Vec::new();
+        self.wide = Some((wide, card));
+        Ok(self)
+    }
+
+    /// How the nodes are stored.
+    pub fn layout(&self) -> Layout {
+        match self.wide {
+            Some(_) => Layout::Wide,
+            None => Layout::Binary,
+        }
     }
 
     /// The same tree, with queries that decide in this way which cells a ray passes.
@@ -354,6 +431,10 @@ impl Tree {
         &self.references
     }
 
+    pub(crate) fn wide(&self) -> Option<&Wide> {
+        self.wide.as_ref().map(|(wide, _)| wide)
+    }
+
     pub(crate) fn place(&self) -> &Place {
         &self.place
     }
@@ -369,6 +450,7 @@ impl PartialEq for Tree {
             && self.expected == other.expected
             && self.stats == other.stats
             && self.shared == other.shared
+            && self.wide == other.wide
             && bytes(self) == bytes(other)
     }
 }

@@ -7,7 +7,7 @@
 use bytemuck::{Pod, Zeroable};
 
 use crate::build::{BuildError, Built, BuiltNode, Origin, SplitPlane};
-use crate::geometry::{Aabb, Mesh};
+use crate::geometry::{Aabb, Frame};
 
 /// Bits 0 to 2 of a node's `meta`: an axis, or one of these. The other bits are the index of the
 /// child above, or a leaf's number of triangles.
@@ -44,7 +44,8 @@ pub(crate) struct ObliqueNode {
     kd: KdNode,
 }
 
-/// A node of a bounding volume hierarchy: 32 bytes.
+/// A node with a box: 32 bytes. The box is in the frame that the parent names; the payload of an
+/// interior node names the frame of its children's boxes.
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 #[repr(C)]
 pub(crate) struct BoxNode {
@@ -76,6 +77,8 @@ pub(crate) enum View {
     /// The children have boxes of their own, which may overlap.
     Objects {
         above: usize,
+        /// The frame of the children's boxes.
+        frame: u32,
     },
     Leaf(Leaf),
 }
@@ -116,10 +119,12 @@ pub(crate) struct Shared {
     direction_bits: u32,
     /// Planes across an axis make kd nodes.
     axis_nodes: bool,
+    /// The frames that boxes are in, the world's first.
+    pub(crate) frames: Vec<Frame>,
 }
 
 impl Shared {
-    pub(crate) fn new(directions: Vec<[f32; 3]>, axis_nodes: bool) -> Self {
+    pub(crate) fn new(directions: Vec<[f32; 3]>, frames: Vec<Frame>, axis_nodes: bool) -> Self {
         let direction_bits = (directions.len() as u32)
             .checked_ilog2()
             .map_or(0, |log2| log2 + 1);
@@ -127,6 +132,7 @@ impl Shared {
             directions,
             direction_bits,
             axis_nodes,
+            frames,
         }
     }
 }
@@ -139,15 +145,20 @@ pub(crate) trait Layout: Pod + Send + Sync {
     fn leaf(payload: u32, count: u32, shared: &Shared) -> Self;
     fn interior(plane: &SplitPlane, above: u32, shared: &Shared) -> Self;
 
-    /// A node whose children divide triangles. Only one layout has such.
-    fn objects(_above: u32, _shared: &Shared) -> Self {
-        unreachable!("only a bounding volume hierarchy divides triangles")
+    /// A node whose children have boxes, in the frame named. Only one layout has such.
+    fn objects(_above: u32, _frame: u32) -> Self {
+        unreachable!("nodes with planes have no boxes")
     }
 
-    /// The box around a node of a bounding volume hierarchy.
+    /// The node's box.
     #[inline(always)]
     fn bounds(&self) -> Aabb {
-        unreachable!("only a bounding volume hierarchy has boxes")
+        unreachable!("nodes with planes have no boxes")
+    }
+
+    /// Gives the node its box.
+    fn set_bounds(&mut self, _bounds: Aabb) {
+        unreachable!("nodes with planes have no boxes")
     }
 }
 
@@ -298,7 +309,10 @@ impl Layout for BoxNode {
     #[inline(always)]
     fn view(&self, shared: &Shared) -> View {
         match self.kd.view(shared) {
-            View::Axis { above, .. } => View::Objects { above },
+            View::Axis { above, .. } => View::Objects {
+                above,
+                frame: self.kd.payload,
+            },
             view => view,
         }
     }
@@ -313,16 +327,16 @@ impl Layout for BoxNode {
     }
 
     fn interior(_: &SplitPlane, _: u32, _: &Shared) -> Self {
-        unreachable!("a bounding volume hierarchy has no planes")
+        unreachable!("nodes with boxes have no planes")
     }
 
-    fn objects(above: u32, _: &Shared) -> Self {
+    fn objects(above: u32, frame: u32) -> Self {
         let Aabb { min, max } = Aabb::EMPTY;
         BoxNode {
             min,
             max,
             kd: KdNode {
-                payload: 0,
+                payload: frame,
                 meta: above << KIND_BITS,
             },
         }
@@ -335,23 +349,9 @@ impl Layout for BoxNode {
             max: self.max,
         }
     }
-}
 
-/// Gives all nodes of a bounding volume hierarchy their boxes, from the leaves up.
-pub(crate) fn fit_boxes(nodes: &mut [BoxNode], references: &[u32], mesh: &Mesh, shared: &Shared) {
-    for at in (0..nodes.len()).rev() {
-        let Aabb { min, max } = match nodes[at].view(shared) {
-            View::Leaf(leaf) => {
-                let corners = leaf
-                    .triangles(references)
-                    .iter()
-                    .flat_map(|&i| mesh.corners(i));
-                Aabb::of_points(corners)
-            }
-            View::Objects { above } => nodes[at + 1].bounds().union(&nodes[above].bounds()),
-            View::Axis { .. } | View::Oblique { .. } => unreachable!("see `interior`"),
-        };
-        (nodes[at].min, nodes[at].max) = (min, max);
+    fn set_bounds(&mut self, Aabb { min, max }: Aabb) {
+        (self.min, self.max) = (min, max);
     }
 }
 
@@ -377,7 +377,7 @@ pub(crate) fn store<N: Layout>(
             BuiltNode::Interior { plane, above, .. } => {
                 N::interior(&plane, (at + above) as u32, shared)
             }
-            BuiltNode::Objects { above, .. } => N::objects((at + above) as u32, shared),
+            BuiltNode::Objects { above, frame, .. } => N::objects((at + above) as u32, frame),
             BuiltNode::Leaf { count, .. } => {
                 let (own, others) = rest.split_at(count);
                 rest = others;
@@ -392,6 +392,9 @@ pub(crate) fn store<N: Layout>(
                 N::leaf(payload, count as u32, shared)
             }
         });
+    }
+    for (node, &bounds) in nodes.iter_mut().zip(&built.boxes) {
+        node.set_bounds(bounds);
     }
     Ok((nodes, kept))
 }

@@ -203,7 +203,7 @@ impl Tree {
                 });
             }
             match nodes[at].view(&self.shared) {
-                View::Objects { above } if depth < max_depth => {
+                View::Objects { above, .. } if depth < max_depth => {
                     pending.extend([(above, depth + 1), (at + 1, depth + 1)]);
                 }
                 _ => section.cells.push(self.cell(nodes, at, depth, polygon)),
@@ -226,7 +226,7 @@ impl Tree {
                 View::Leaf(leaf) => triangles.extend_from_slice(leaf.triangles(&self.references)),
                 View::Axis { above, .. }
                 | View::Oblique { above, .. }
-                | View::Objects { above } => pending.extend([above, at + 1]),
+                | View::Objects { above, .. } => pending.extend([above, at + 1]),
             }
         }
         triangles.sort_unstable();

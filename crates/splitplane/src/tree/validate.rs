@@ -65,7 +65,7 @@ impl Tree {
             match nodes[at].view(&self.shared) {
                 View::Axis { above, .. }
                 | View::Oblique { above, .. }
-                | View::Objects { above } => pending.extend([above, at + 1]),
+                | View::Objects { above, .. } => pending.extend([above, at + 1]),
                 View::Leaf(leaf) => {
                     let Some(triangles) = leaf.try_triangles(&self.references) else {
                         return broken(at, "has references that do not exist");
@@ -111,7 +111,7 @@ impl Tree {
                         listed.push(triangle);
                     }
                 }
-                View::Objects { above } => pending.extend([(above, bounds), (at + 1, bounds)]),
+                View::Objects { above, .. } => pending.extend([(above, bounds), (at + 1, bounds)]),
                 View::Axis { .. } | View::Oblique { .. } => {
                     return Err(ValidateError::Structure {
                         node: at,

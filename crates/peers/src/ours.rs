@@ -1,0 +1,88 @@
+//! Our own trees: NAME or NAME@LAYOUT.
+
+use anyhow::{Result, bail};
+use splitplane::{BuildParams, Counts, Hit, Mesh, Ray, Tree, TreeChoice};
+
+use crate::contender::{Contender, Work, each};
+use crate::rays::Kind;
+
+/// How a tree is asked.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Asked {
+    /// Stored as a binary tree, one ray after the other.
+    Binary,
+}
+
+/// A tree.
+pub struct Ours {
+    tree: Tree,
+    asked: Asked,
+}
+
+impl Ours {
+    /// A tree that is built.
+    pub fn of(tree: Tree) -> Self {
+        Ours {
+            tree,
+            asked: Asked::Binary,
+        }
+    }
+
+    /// Builds `wn+kd:6@binary` or the like.
+    pub fn build(name: &str, mesh: &Mesh, threads: usize) -> Result<Self> {
+        let (tree, layout) = name.split_once('@').unwrap_or((name, "binary"));
+        let choice: TreeChoice = tree.parse()?;
+        let asked = match layout {
+            "binary" => Asked::Binary,
+            _ => bail!("there is no layout \"{layout}\"; there is binary"),
+        };
+        let pool = rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()?;
+        let tree = pool.install(|| Tree::build(mesh, choice, &BuildParams::default()))?;
+        Ok(Ours { tree, asked })
+    }
+}
+
+impl Contender for Ours {
+    fn closest(&self, _: Kind, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        match self.asked {
+            Asked::Binary => each(rays, hits, |ray| self.tree.closest_hit(ray, &mut ())),
+        }
+    }
+
+    fn any(&self, _: Kind, rays: &[Ray], hits: &mut [bool]) {
+        match self.asked {
+            Asked::Binary => each(rays, hits, |ray| self.tree.any_hit(ray, &mut ())),
+        }
+    }
+
+    fn bytes(&self) -> u64 {
+        self.tree.card().bytes
+    }
+
+    fn work(&self, kind: Kind, rays: &[Ray]) -> Work {
+        let mut counts = Counts::default();
+        for ray in rays {
+            if kind.any_hit() {
+                self.tree.any_hit(ray, &mut counts);
+            } else {
+                self.tree.closest_hit(ray, &mut counts);
+            }
+        }
+        Work {
+            visits: Some(counts.kd_visits + counts.oblique_visits),
+            blocks: Some(counts.leaf_visits),
+            tests: Some(counts.triangle_tests),
+        }
+    }
+
+    fn move_elsewhere(&mut self) {
+        // The old place is free only once the new one is taken.
+        self.tree = self.tree.clone();
+    }
+
+    fn is_exact(&self) -> bool {
+        true
+    }
+}

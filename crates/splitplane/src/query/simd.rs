@@ -1,0 +1,186 @@
+//! Eight numbers at a time, on whatever the machine has.
+//!
+//! Every implementation gives the same bits: no fused multiply-add, no approximate inverse. So
+//! counts do not depend on the machine, as hits never do.
+#![allow(unsafe_code)]
+
+/// Eight f32.
+pub(super) trait Lanes: Copy {
+    fn splat(value: f32) -> Self;
+    /// The first eight of `from`, which has as many.
+    fn load(from: &[f32]) -> Self;
+    fn sub(self, other: Self) -> Self;
+    fn mul(self, other: Self) -> Self;
+    /// The larger one of each pair; `other` where either is NaN.
+    fn max(self, other: Self) -> Self;
+    /// The smaller one of each pair; `other` where either is NaN.
+    fn min(self, other: Self) -> Self;
+    /// A bit for each pair that is ordered so.
+    fn le(self, other: Self) -> u32;
+    /// A bit for each pair that is ordered so.
+    fn lt(self, other: Self) -> u32;
+    fn to_array(self) -> [f32; 8];
+}
+
+/// Eight f32 for any machine.
+#[derive(Clone, Copy)]
+pub(super) struct Portable([f32; 8]);
+
+impl Portable {
+    #[inline(always)]
+    fn zip(self, other: Self, f: impl Fn(f32, f32) -> f32) -> Self {
+        Portable(std::array::from_fn(|i| f(self.0[i], other.0[i])))
+    }
+
+    #[inline(always)]
+    fn mask(self, other: Self, f: impl Fn(f32, f32) -> bool) -> u32 {
+        (0..8).fold(0, |mask, i| mask | u32::from(f(self.0[i], other.0[i])) << i)
+    }
+}
+
+impl Lanes for Portable {
+    #[inline(always)]
+    fn splat(value: f32) -> Self {
+        Portable([value; 8])
+    }
+    #[inline(always)]
+    fn load(from: &[f32]) -> Self {
+        Portable(std::array::from_fn(|i| from[i]))
+    }
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        self.zip(other, |a, b| a - b)
+    }
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        self.zip(other, |a, b| a * b)
+    }
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a > b { a } else { b })
+    }
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        self.zip(other, |a, b| if a < b { a } else { b })
+    }
+    #[inline(always)]
+    fn le(self, other: Self) -> u32 {
+        self.mask(other, |a, b| a <= b)
+    }
+    #[inline(always)]
+    fn lt(self, other: Self) -> u32 {
+        self.mask(other, |a, b| a < b)
+    }
+    #[inline(always)]
+    fn to_array(self) -> [f32; 8] {
+        self.0
+    }
+}
+
+/// Runs a generic function on the lanes of the machine.
+pub(super) trait Task {
+    type Output;
+    fn run<L: Lanes>(self) -> Self::Output;
+}
+
+/// Which instructions queries may use.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Instructions {
+    Portable,
+    #[cfg(target_arch = "x86_64")]
+    Avx2,
+}
+
+impl Instructions {
+    /// The best that the machine has. The answer is looked up once and then remembered.
+    #[inline(always)]
+    pub(crate) fn best() -> Self {
+        #[cfg(target_arch = "x86_64")]
+        if std::arch::is_x86_feature_detected!("avx2")
+            && std::arch::is_x86_feature_detected!("bmi1")
+            && std::arch::is_x86_feature_detected!("lzcnt")
+        {
+            return Instructions::Avx2;
+        }
+        Instructions::Portable
+    }
+
+    #[inline(always)]
+    pub(super) fn run<T: Task>(self, task: T) -> T::Output {
+        match self {
+            Instructions::Portable => task.run::<Portable>(),
+            #[cfg(target_arch = "x86_64")]
+            // SAFETY: `best` has found these instructions, and nothing else makes an `Avx2`.
+            Instructions::Avx2 => unsafe { avx2::run(task) },
+        }
+    }
+}
+
+#[cfg(target_arch = "x86_64")]
+mod avx2 {
+    use super::{Lanes, Task};
+    use std::arch::x86_64::*;
+
+    /// # Safety
+    /// The machine must have AVX2, BMI1 and LZCNT.
+    #[target_feature(enable = "avx2,bmi1,lzcnt")]
+    pub(super) unsafe fn run<T: Task>(task: T) -> T::Output {
+        task.run::<Avx2>()
+    }
+
+    /// Eight f32 in a register. Made only by code that `run` has started, so only on machines that
+    /// have AVX2; this is what makes each `unsafe` below sound.
+    #[derive(Clone, Copy)]
+    struct Avx2(__m256);
+
+    impl Lanes for Avx2 {
+        #[inline(always)]
+        fn splat(value: f32) -> Self {
+            // SAFETY: see `Avx2`.
+            Avx2(unsafe { _mm256_set1_ps(value) })
+        }
+        #[inline(always)]
+        fn load(from: &[f32]) -> Self {
+            let from = &from[..8];
+            // SAFETY: see `Avx2`; there are eight numbers.
+            Avx2(unsafe { _mm256_loadu_ps(from.as_ptr()) })
+        }
+        #[inline(always)]
+        fn sub(self, other: Self) -> Self {
+            // SAFETY: see `Avx2`.
+            Avx2(unsafe { _mm256_sub_ps(self.0, other.0) })
+        }
+        #[inline(always)]
+        fn mul(self, other: Self) -> Self {
+            // SAFETY: see `Avx2`.
+            Avx2(unsafe { _mm256_mul_ps(self.0, other.0) })
+        }
+        #[inline(always)]
+        fn max(self, other: Self) -> Self {
+            // SAFETY: see `Avx2`.
+            Avx2(unsafe { _mm256_max_ps(self.0, other.0) })
+        }
+        #[inline(always)]
+        fn min(self, other: Self) -> Self {
+            // SAFETY: see `Avx2`.
+            Avx2(unsafe { _mm256_min_ps(self.0, other.0) })
+        }
+        #[inline(always)]
+        fn le(self, other: Self) -> u32 {
+            // SAFETY: see `Avx2`.
+            unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(self.0, other.0)) as u32 }
+        }
+        #[inline(always)]
+        fn lt(self, other: Self) -> u32 {
+            // SAFETY: see `Avx2`.
+            unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0)) as u32 }
+        }
+        #[inline(always)]
+        fn to_array(self) -> [f32; 8] {
+            let mut array = [0.0; 8];
+            // SAFETY: see `Avx2`; there is room for eight numbers.
+            unsafe { _mm256_storeu_ps(array.as_mut_ptr(), self.0) };
+            array
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! The wide layout: nodes of eight boxes, leaves of up to eight triangles, both side by side for
+//! SIMD. Any tree can be stored in it.
+//!
+//! What of a mesh lies in a cell is cut out and boxed (`boxes`), binary nodes are merged into wide
+//! ones where that is cheapest (`collapse`), and the result is written in the order in which
+//! queries read it (`store`).
+
+mod boxes;
+mod collapse;
+mod store;
+
+use bytemuck::{Pod, Zeroable};
+
+use super::{Tree, WideCard};
+use crate::build::{BuildError, BuildParams};
+use crate::geometry::Frame;
+
+/// Children of a node, triangles of a leaf: as many as an AVX register has lanes.
+pub(crate) const WIDTH: usize = 8;
+
+/// How deep a wide tree may be: that of the deepest binary tree, and what large leaves add.
+pub(crate) const MAX_DEPTH: usize = BuildParams::MAX_DEPTH as usize + 30;
+
+/// How many frames a tree may have.
+pub(crate) const MAX_FRAMES: usize = 64;
+
+/// Boxes of up to eight children: 256 bytes.
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+#[repr(C, align(64))]
+pub(crate) struct WideNode {
+    /// Low x, y, z, then high x, y, z of the children, in the node's frame, relative to the centre
+    /// of the scene. An absent child has its low above its high.
+    pub(crate) bounds: [[f32; WIDTH]; 6],
+    pub(crate) children: [Link; WIDTH],
+    /// The frame that the boxes are in.
+    pub(crate) frame: u32,
+    unused: [u32; 7],
+}
+
+const _: () = assert!(size_of::<WideNode>() == 256);
+
+/// A child: a node by its index, or a leaf's triangles by where they are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
+#[repr(transparent)]
+pub(crate) struct Link(u32);
+
+/// What a [`Link`] names.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Child {
+    Node(usize),
+    /// Triangles in a row: 1 to 8 of them.
+    Leaf {
+        start: usize,
+        count: usize,
+    },
+}
+
+impl Link {
+    pub(crate) const ROOT: Link = Link(0);
+    const LEAF: u32 = 1 << 31;
+    const START_BITS: u32 = 28;
+    /// Where a leaf's triangles may start, and what number a node may have, at most.
+    const MAX_START: usize = (1 << Link::START_BITS) - 1;
+    const MAX_NODE: usize = (1 << 31) - 1;
+
+    fn node(index: usize) -> Link {
+        debug_assert!(index <= Link::MAX_NODE);
+        Link(index as u32)
+    }
+
+    fn leaf(start: usize, count: usize) -> Link {
+        debug_assert!(start <= Link::MAX_START && (1..=WIDTH).contains(&count));
+        Link(Link::LEAF | (count as u32 - 1) << Link::START_BITS | start as u32)
+    }
+
+    #[inline(always)]
+    pub(crate) fn child(self) -> Child {
+        if self.0 & Link::LEAF == 0 {
+            return Child::Node(self.0 as usize);
+        }
+        Child::Leaf {
+            start: (self.0 as usize) & Link::MAX_START,
+            count: (self.0 >> Link::START_BITS & 7) as usize + 1,
+        }
+    }
+}
+
+/// A tree in the wide layout.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Wide {
+    pub(crate) nodes: Vec<WideNode>,
+    /// Nine rows a leaf, x, y and z of the three corners of its triangles; as long as the leaf has
+    /// triangles. Padded so that eight numbers can be read from the start of every row.
+    pub(crate) corners: Vec<f32>,
+    /// The triangles of the leaves, in the same order.
+    pub(crate) triangles: Vec<u32>,
+    /// The frames of the nodes, the world's first.
+    pub(crate) frames: Vec<Frame>,
+    /// The centre of the scene, which boxes are relative to.
+    pub(crate) center: [f64; 3],
+    /// Half the longest edge of the scene's box.
+    pub(crate) half_extent: f32,
+}
+
+impl PartialEq for WideNode {
+    fn eq(&self, other: &WideNode) -> bool {
+        bytemuck::bytes_of(self) == bytemuck::bytes_of(other)
+    }
+}
+
+impl WideNode {
+    /// The children that there are.
+    pub(crate) fn present(&self) -> impl Iterator<Item = Child> {
+        (0..WIDTH)
+            .filter(|&i| self.bounds[0][i] <= self.bounds[3][i])
+            .map(|i| self.children[i].child())
+    }
+}
+
+impl Wide {
+    pub(crate) fn of(tree: &Tree) -> Result<Wide, BuildError> {
+        store::store(tree, &collapse::collapse(tree))
+    }
+
+    pub(crate) fn card(&self) -> WideCard {
+        let mut frames = vec![0; self.frames.len()];
+        let (mut leaves, mut deepest) = (0, 0);
+        let mut pending = vec![(0, 0)];
+        while let Some((at, depth)) = pending.pop() {
+            let node: &WideNode = &self.nodes[at];
+            frames[node.frame as usize] += 1;
+            deepest = deepest.max(depth);
+            for child in node.present() {
+                match child {
+                    Child::Node(child) => pending.push((child, depth + 1)),
+                    Child::Leaf { .. } => leaves += 1,
+                }
+            }
+        }
+        WideCard {
+            nodes: self.nodes.len() as u64,
+            leaves,
+            references: self.triangles.len() as u64,
+            depth: deepest,
+            frames,
+        }
+    }
+
+    pub(crate) fn bytes(&self) -> usize {
+        size_of_val(self.nodes.as_slice())
+            + size_of_val(self.corners.as_slice())
+            + size_of_val(self.triangles.as_slice())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_link_says_what_it_was_told() {
+        assert_eq!(Link::node(77).child(), Child::Node(77));
+        for (start, count) in [(0, 1), (5, 8), (Link::MAX_START, 3)] {
+            assert_eq!(
+                Link::leaf(start, count).child(),
+                Child::Leaf { start, count }
+            );
+        }
+    }
+}
