@@ -302,16 +302,16 @@ impl Tree {
         Ok((hits, None))
     }
 
-    /// Whether each of (N, 6) rays hits anything in `(tnear, tfar]`; counts as for `closest_hit`.
+    /// Whether each of (N, 6) rays hits anything in that interval of t; counts as for `closest_hit`.
     fn any_hit<'py>(
         &self,
         py: Python<'py>,
         rays: PyReadonlyArray2<'py, f32>,
-        (tnear, tfar): (f32, f32),
+        interval: (f32, f32),
         nthreads: usize,
         stats: bool,
     ) -> PyResult<(Array1<'py, bool>, Option<Array2<'py, u32>>)> {
-        let rays = Rays::of(&rays, (tnear, tfar))?;
+        let rays = Rays::of(&rays, interval)?;
         if stats {
             let mut counts = vec![Counts::default(); rays.len()];
             let found = self.any_hits(py, &rays, nthreads, &mut counts)?;

@@ -57,7 +57,7 @@ def test_a_hit_and_a_miss(cube):
     found = cube.cast_rays([[0.5, 0.3, 10, 0, 0, -1], [-1, -1, 10, 0, 0, -1]])
     assert found["t_hit"].tolist() == [9.0, np.inf]
     assert found["geometry_ids"].tolist() == [0, MISS]
-    assert found["primitive_ids"].tolist() == [11, MISS]
+    assert found["primitive_ids"].tolist() == [10, MISS]
     assert found["primitive_normals"].tolist() == [[0, 0, 1], [0, 0, 0]]
     assert found["primitive_uvs"].shape == (2, 2)
     dtypes = {name: array.dtype.name for name, array in found.items()}
@@ -218,8 +218,9 @@ def test_a_pinhole_looks_where_it_is_told():
     assert rays.shape == (2, 4, 6) and rays.dtype == np.float32
     assert np.allclose(rays[..., :3], [0, 0, 5])
     assert np.allclose(rays[..., 3:].mean(axis=(0, 1)), [0, 0, -1])
-    # Left pixels look left, upper pixels up; the outer edges of the picture are 90 degrees apart.
-    assert np.allclose(rays[0, 0, 3:], [-0.75, 0.25, -1])
+    # As Open3D has it, the first pixel looks to the lower right; the outer edges of the picture
+    # are 90 degrees apart.
+    assert np.allclose(rays[0, 0, 3:], [0.75, -0.25, -1])
 
 
 def test_the_same_as_open3d():

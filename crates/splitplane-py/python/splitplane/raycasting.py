@@ -347,7 +347,8 @@ class RaycastingScene:
 
         Takes ``intrinsic_matrix`` (3, 3), ``extrinsic_matrix`` (4, 4; from the world to the
         camera), ``width_px`` and ``height_px``; or ``fov_deg`` (horizontal), ``center``, ``eye``,
-        ``up``, ``width_px`` and ``height_px``.
+        ``up``, ``width_px`` and ``height_px``. As Open3D has it, the camera of the latter has x to
+        the left and y upwards: turn the picture by 180 degrees to have it upright.
         """
         by_matrix = ("intrinsic_matrix", "extrinsic_matrix", "width_px", "height_px")
         by_view = ("fov_deg", "center", "eye", "up", "width_px", "height_px")
@@ -399,9 +400,10 @@ def _view(
     at = np.asarray(_plain(eye), np.float64).reshape(3)
     forward = np.asarray(_plain(center), np.float64).reshape(3) - at
     forward = forward / np.linalg.norm(forward)
-    right = np.cross(forward, np.asarray(_plain(up), np.float64).reshape(3))
-    right = right / np.linalg.norm(right)
+    # Open3D's: the camera's y axis goes up, so that its x axis goes left.
+    left = np.cross(np.asarray(_plain(up), np.float64).reshape(3), forward)
+    left = left / np.linalg.norm(left)
     extrinsic = np.eye(4)
-    extrinsic[:3, :3] = [right, np.cross(forward, right), forward]
+    extrinsic[:3, :3] = [left, np.cross(forward, left), forward]
     extrinsic[:3, 3] = -extrinsic[:3, :3] @ at
     return intrinsic, extrinsic

@@ -1,4 +1,5 @@
 use super::*;
+use crate::Layout;
 use proptest::prelude::*;
 
 fn point() -> impl Strategy<Value = [f32; 3]> {
@@ -52,9 +53,10 @@ proptest! {
         let triangles = (0..corners.len() as u32).map(|i| [3 * i, 3 * i + 1, 3 * i + 2]).collect();
         let mesh = Mesh::new(positions, triangles).unwrap();
         let tree = Arc::new(Tree::new(&mesh).unwrap());
+        let wide = Arc::new((*tree).clone().with_layout(Layout::Wide).unwrap());
         // Each twice, for ties.
-        let twice = transforms.iter().chain(&transforms);
-        let instances = Instances::new(twice.map(|&t| (tree.clone(), t))).unwrap();
+        let twice = [&tree, &wide].into_iter().flat_map(|tree| transforms.iter().map(|&t| (tree.clone(), t)));
+        let instances = Instances::new(twice).unwrap();
         let mut hits = Vec::new();
         for (origin, target, at) in rays {
             // Towards an instance, so that many are hit.
