@@ -64,7 +64,7 @@ class Card(dict[str, Any]):
         return f"<table>{cells}</table>"
 
 
-def _plain(values: object) -> Any:
+def _plain(values: object) -> NDArray[Any]:
     """An array of what may be a tensor of another library."""
     if not isinstance(values, np.ndarray) and hasattr(values, "numpy"):
         values = values.numpy()
@@ -73,7 +73,7 @@ def _plain(values: object) -> Any:
 
 def numbers(values: object, columns: int, what: str) -> NDArray[Any]:
     """The values as an array of real numbers with that many columns, not copied."""
-    array = _plain(values)
+    array: NDArray[Any] = _plain(values)
     if array.dtype.kind not in "fiu":
         raise TypeError(f"{what} must be real numbers, not {array.dtype}")
     if array.ndim < 1 or array.shape[-1] != columns:
