@@ -74,7 +74,7 @@ fn ci_runs_the_very_line_that_the_readme_gives_for_the_tests() {
 
 #[test]
 fn every_source_that_a_comment_cites_is_in_the_references() {
-    let references = page("REFERENCES.md");
+    let references = page("crates/splitplane/REFERENCES.md");
     let listed: BTreeSet<String> = references
         .lines()
         .filter_map(|line| Some(line.strip_prefix("**[")?.split(']').next()?.to_owned()))
@@ -113,4 +113,62 @@ fn is_key(text: &str) -> bool {
     let is_year = year.len() == 4 && year.bytes().all(|c| c.is_ascii_digit());
     let is_name = name.len() > 2 && name.starts_with(|c: char| c.is_ascii_uppercase());
     (is_year && is_name) || text == "PBRT3"
+}
+
+/// What a crate embeds must lie in the crate, or its package does not have it.
+#[test]
+fn every_file_that_a_crate_embeds_lies_in_the_crate() {
+    let mut embedded = 0;
+    for entry in fs::read_dir(root().join("crates")).unwrap() {
+        let package = entry.unwrap().path();
+        let mut pending = vec![package.join("src")];
+        while let Some(path) = pending.pop() {
+            if path.is_dir() {
+                let children = fs::read_dir(&path).unwrap();
+                pending.extend(children.map(|entry| entry.unwrap().path()));
+                continue;
+            }
+            let text = fs::read_to_string(&path).unwrap_or_default();
+            for macro_name in ["include_str!(\"", "include_bytes!(\""] {
+                for rest in text.split(macro_name).skip(1) {
+                    let file = rest.split('"').next().unwrap_or_default();
+                    let file = path.parent().unwrap().join(file).canonicalize();
+                    let file = file.unwrap_or_else(|error| panic!("{}: {error}", path.display()));
+                    let own = package.canonicalize().unwrap();
+                    assert!(file.starts_with(&own), "{} is outside", file.display());
+                    embedded += 1;
+                }
+            }
+        }
+    }
+    assert!(embedded >= 3);
+}
+
+/// Examples are compiled with the tests, and CI runs each.
+#[test]
+fn every_rust_snippet_of_the_pages_is_part_of_an_example() {
+    // Line breaks, and the commas that go with them, are the formatter's.
+    let bare = |text: &str| -> String {
+        let bare = |c: &char| !c.is_whitespace() && *c != ',';
+        text.chars().filter(bare).collect()
+    };
+    let mut examples = String::new();
+    let steps = page(".ci/run");
+    for entry in fs::read_dir(root().join("crates/splitplane/examples")).unwrap() {
+        let path = entry.unwrap().path();
+        if path.extension().is_some_and(|extension| extension == "rs") {
+            examples += &bare(&fs::read_to_string(&path).unwrap());
+            let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
+            assert!(steps.contains(&name), "CI does not run the example {name}");
+        }
+    }
+    let mut checked = 0;
+    for name in ["README.md", "docs/rust.md", "docs/exactness.md"] {
+        for snippet in page(name).split("```rust\n").skip(1) {
+            let snippet = snippet.split("```").next().unwrap_or_default();
+            assert!(examples.contains(&bare(snippet)), "{name}: {snippet}");
+            checked += 1;
+        }
+    }
+    assert!(checked >= 8);
 }

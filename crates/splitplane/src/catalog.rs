@@ -255,6 +255,11 @@ impl TreeSpec {
 
 /// A tree and its number of directions: `kd`, `wn+kd:6`.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Serialize, serde::Deserialize),
+    serde(try_from = "String", into = "String")
+)]
 pub struct TreeChoice {
     /// The kind of tree.
     pub spec: &'static TreeSpec,
@@ -436,6 +441,19 @@ impl FromStr for TreeChoice {
                 },
             }),
         }
+    }
+}
+
+impl TryFrom<String> for TreeChoice {
+    type Error = ParseTreeError;
+    fn try_from(name: String) -> Result<Self, ParseTreeError> {
+        name.parse()
+    }
+}
+
+impl From<TreeChoice> for String {
+    fn from(choice: TreeChoice) -> String {
+        choice.to_string()
     }
 }
 

@@ -199,6 +199,11 @@ fn params() -> [BuildParams; 2] {
     })
 }
 
+fn in_layouts(mesh: &Mesh, choice: TreeChoice, params: &BuildParams) -> [Tree; 2] {
+    let tree = Tree::build(mesh, choice, params).unwrap();
+    Layout::ALL.map(|layout| tree.clone().with_layout(layout).unwrap())
+}
+
 fn bits(hit: Option<Hit>) -> Option<(u32, u32, u32, u32)> {
     hit.map(|h| (h.t.to_bits(), h.u.to_bits(), h.v.to_bits(), h.triangle))
 }
@@ -264,8 +269,7 @@ fn every_tree_gives_all_hits_of_brute_force_and_those_that_a_filter_takes() {
             assert_eq!(hits.first().copied(), brute.closest_hit(ray, &mut ()));
         }
         for choice in choices() {
-            for params in params() {
-                let tree = Tree::build(&mesh, choice, &params).unwrap();
+            for tree in params().iter().flat_map(|p| in_layouts(&mesh, choice, p)) {
                 for (ray, expected) in rays.iter().zip(&expected) {
                     assert_eq!(&all(&tree, ray), expected, "{choice} on {scene}: {ray:?}");
                     let mut taken: Vec<Hit> = expected.iter().copied().filter(odd).collect();
@@ -282,6 +286,156 @@ fn every_tree_gives_all_hits_of_brute_force_and_those_that_a_filter_takes() {
             }
         }
     }
+}
+
+/// Points near and far, on vertices, in the middle of edges, and right below both.
+fn points(mesh: &Mesh) -> Vec<[f32; 3]> {
+    let mut random = Random(11);
+    let bounds = mesh.bounds();
+    let (center, size) = if bounds.is_empty() {
+        ([0.0; 3], 2.0)
+    } else {
+        (bounds.center(), bounds.diagonal())
+    };
+    let mut points = vec![center];
+    for i in 0..200 {
+        let offset = random.point(if i % 4 == 0 { 5.0 * size } else { 1.2 * size });
+        points.push(std::array::from_fn(|i| center[i] + offset[i]));
+    }
+    for &triangle in mesh.usable_triangles().iter().step_by(7) {
+        let [a, b, _] = mesh.corners(triangle);
+        let middle: [f32; 3] = std::array::from_fn(|i| 0.5 * (a[i] + b[i]));
+        for [x, y, z] in [a, middle] {
+            points.extend([[x, y, z], [x, y, z - 0.1 * size], [x, y, z - 3.0 * size]]);
+        }
+    }
+    points
+}
+
+#[test]
+fn every_tree_finds_what_lies_near_as_brute_force_does() {
+    for (scene, mesh) in scenes() {
+        let brute = brute_force(&mesh);
+        let size = mesh.bounds().diagonal();
+        let points = points(&mesh);
+        let ask = |tree: &Tree, &point: &[f32; 3], radius: f32| {
+            let region = splitplane::Aabb {
+                min: point.map(|c| c - radius),
+                max: std::array::from_fn(|i| point[i] + radius * (i + 1) as f32),
+            };
+            (
+                tree.closest_point(point, f32::INFINITY, &mut ()),
+                tree.closest_point(point, radius, &mut ()),
+                tree.triangles_in_sphere(point, radius, &mut ()),
+                tree.triangles_in_box(&region, &mut ()),
+                tree.contains(point, &mut ()),
+                tree.signed_distance(point, &mut ()),
+            )
+        };
+        let radius = |i: usize| [0.0, 0.02, 0.1, 0.4][i % 4] * size;
+        let expected: Vec<_> = (points.iter().enumerate())
+            .map(|(i, point)| ask(&brute, point, radius(i)))
+            .collect();
+        for (i, (closest, within, in_sphere, ..)) in expected.iter().enumerate() {
+            let near = closest.filter(|closest| closest.distance <= radius(i));
+            assert_eq!(near.is_some(), !in_sphere.is_empty());
+            assert_eq!(&near, within);
+        }
+        for choice in choices() {
+            for tree in params().iter().flat_map(|p| in_layouts(&mesh, choice, p)) {
+                for (i, point) in points.iter().enumerate() {
+                    let found = ask(&tree, point, radius(i));
+                    assert_eq!(found, expected[i], "{choice} on {scene}: {point:?}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn a_tree_looks_at_few_triangles_for_the_closest_point() {
+    let mesh = sphere(24);
+    for spec in TREES {
+        let choice = TreeChoice::new(spec.name, None).unwrap();
+        for tree in in_layouts(&mesh, choice, &BuildParams::default()) {
+            let mut counts = Counts::default();
+            let mut random = Random(5);
+            for _ in 0..100 {
+                tree.closest_point(random.point(4.0), f32::INFINITY, &mut counts);
+            }
+            let each = counts.triangle_tests as f64 / 100.0;
+            // Cells without a side across an axis say less about distances.
+            let share = match spec.axes || tree.layout() == Layout::Wide {
+                true => 0.2,
+                false => 0.6,
+            };
+            let limit = share * mesh.triangles().len() as f64;
+            let layout = tree.layout();
+            assert!(
+                each < limit,
+                "{choice} ({layout}): {each} of at most {limit}"
+            );
+        }
+    }
+}
+
+/// How often a closed mesh winds around a point: the sum of the solid angles of its triangles,
+/// over 4π [VanOosterom1983].
+fn winding(mesh: &Mesh, point: [f32; 3]) -> f64 {
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let angle = |&i: &u32| {
+        let [a, b, c] = mesh
+            .corners(i)
+            .map(|p| std::array::from_fn(|i| f64::from(p[i]) - f64::from(point[i])));
+        let cross = [
+            b[1] * c[2] - b[2] * c[1],
+            b[2] * c[0] - b[0] * c[2],
+            b[0] * c[1] - b[1] * c[0],
+        ];
+        let [la, lb, lc] = [a, b, c].map(|v| dot(v, v).sqrt());
+        let below = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb;
+        2.0 * dot(a, cross).atan2(below)
+    };
+    mesh.usable_triangles().iter().map(angle).sum::<f64>() / (4.0 * std::f64::consts::PI)
+}
+
+#[test]
+fn a_point_is_inside_where_the_mesh_winds_around_it() {
+    let mesh = sphere(9);
+    assert!(mesh.is_closed() && !soup(9, 1.0).is_closed());
+    let tree = Tree::new(&mesh).unwrap();
+    let mut random = Random(13);
+    let mut inside = 0;
+    let near = (0..300).map(|_| random.point(2.2));
+    for point in points(&mesh).into_iter().chain(near) {
+        let distance = tree.signed_distance(point, &mut ()).unwrap();
+        if distance.abs() > 1e-4 {
+            let winds = winding(&mesh, point).abs() > 0.5;
+            assert_eq!(tree.contains(point, &mut ()), winds, "{point:?}");
+            assert_eq!(distance < 0.0, winds);
+            inside += u32::from(winds);
+        }
+    }
+    assert!(inside > 50);
+}
+
+#[test]
+fn what_is_no_point_and_no_region_finds_nothing() {
+    let tree = Tree::new(&sphere(8)).unwrap();
+    let none = |point: [f32; 3], radius: f32| {
+        assert_eq!(tree.closest_point(point, radius, &mut ()), None);
+        assert!(tree.triangles_in_sphere(point, radius, &mut ()).is_empty());
+    };
+    none([f32::NAN, 0.0, 0.0], 1.0);
+    none([0.0, f32::INFINITY, 0.0], f32::INFINITY);
+    none([0.0; 3], f32::NAN);
+    none([0.0; 3], -1.0);
+    assert!(!tree.contains([f32::NAN; 3], &mut ()));
+    let empty = splitplane::Aabb::EMPTY;
+    assert!(tree.triangles_in_box(&empty, &mut ()).is_empty());
+    let whole = tree.bounds();
+    let all = tree.triangles_in_box(&whole, &mut ());
+    assert_eq!(all, tree.mesh().usable_triangles());
 }
 
 #[test]

@@ -1,11 +1,8 @@
 //! A page on one tree. All that it says follows from the tree's row.
 
-use splitplane::{BuildParams, Directions, TREES, TreeChoice, TreeSpec};
+use splitplane::{BuildParams, Directions, TREES, TreeChoice, TreeSpec, references};
 
 use crate::numbers::measured;
-
-/// The project's papers: `**[Key]** text`, one a paragraph.
-const REFERENCES: &str = include_str!("../../../../REFERENCES.md");
 
 /// What the page says, with a heading each.
 pub fn sections(choice: TreeChoice) -> Vec<(&'static str, String)> {
@@ -230,7 +227,7 @@ fn cited(text: &str) -> impl Iterator<Item = &str> {
 
 /// A paper by its key; the key itself where the list does not have it.
 fn paper(key: &str) -> String {
-    let entry = REFERENCES
+    let entry = references::TEXT
         .lines()
         .find_map(|line| line.strip_prefix(&format!("**[{key}]** ")));
     entry.map_or_else(|| format!("[{key}]"), |text| text.replace('*', ""))

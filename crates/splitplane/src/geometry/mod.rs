@@ -5,6 +5,7 @@ pub(crate) mod frame;
 mod mesh;
 pub(crate) mod polygon;
 pub(crate) mod polytope;
+pub(crate) mod proximity;
 mod ray;
 pub(crate) mod triangle;
 

@@ -2,6 +2,7 @@
 ///
 /// `t` is in multiples of the direction's length; the direction need not be normalised.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Ray {
     /// Where `t` is 0, in scene units.
     pub origin: [f32; 3],

@@ -23,8 +23,8 @@ impl<F: Fn(&Hit) -> bool> Search for All<'_, F> {
     const NEAREST_FIRST: bool = false;
 
     #[inline(always)]
-    fn shear(&self) -> &Shear {
-        &self.shear
+    fn shear(&self) -> Option<&Shear> {
+        Some(&self.shear)
     }
 
     #[inline(always)]

@@ -3,6 +3,8 @@
 mod all_hits;
 mod batch;
 mod brute_force;
+mod inside;
+mod nearby;
 mod simd;
 mod traverse;
 mod wide;
@@ -15,11 +17,15 @@ use crate::tree::{Tree, with_nodes};
 pub(crate) use all_hits::all_hits;
 pub(crate) use batch::{any_hits, closest_hits};
 pub use brute_force::brute_force;
-pub(crate) use traverse::Place;
-use traverse::{Search, traverse};
+pub(crate) use inside::contains;
+pub use nearby::ClosestPoint;
+pub(crate) use nearby::{closest_point, overlaps_region, overlaps_sphere};
+use traverse::traverse;
+pub(crate) use traverse::{Place, Search};
 
 /// Where a ray meets the mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Hit {
     /// Distance from the ray's origin, in multiples of its direction's length.
     pub t: f32,
@@ -67,6 +73,7 @@ impl Counters for () {}
 
 /// Sums of what queries did.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Counts {
     /// Triangles tested.
     pub triangle_tests: u64,
@@ -158,8 +165,8 @@ impl<F: Fn(&Hit) -> bool> Search for Closest<F> {
     const NEAREST_FIRST: bool = true;
 
     #[inline(always)]
-    fn shear(&self) -> &Shear {
-        &self.shear
+    fn shear(&self) -> Option<&Shear> {
+        Some(&self.shear)
     }
 
     #[inline(always)]
@@ -206,8 +213,8 @@ impl<F: Fn(&Hit) -> bool> Search for Any<F> {
     const NEAREST_FIRST: bool = false;
 
     #[inline(always)]
-    fn shear(&self) -> &Shear {
-        &self.shear
+    fn shear(&self) -> Option<&Shear> {
+        Some(&self.shear)
     }
 
     #[inline(always)]
@@ -256,7 +263,17 @@ pub(crate) fn any_hit(
 }
 
 fn run(tree: &Tree, ray: &Ray, search: &mut impl Search, counters: &mut impl Counters) {
-    let place = tree.place();
+    run_in(tree, tree.place(), ray, search, counters);
+}
+
+/// The same, with other margins than the tree's own.
+pub(crate) fn run_in(
+    tree: &Tree,
+    place: &Place,
+    ray: &Ray,
+    search: &mut impl Search,
+    counters: &mut impl Counters,
+) {
     if ray.is_valid() && !place.bounds.is_empty() {
         if let Some(wide) = tree.wide() {
             return wide::traverse(wide, ray, search, counters);

@@ -9,13 +9,17 @@ use crate::geometry::{Aabb, Frame, Mesh, Ray};
 use crate::tree::nodes::{Layout, Shared, View};
 
 /// What a traversal looks for.
-pub(super) trait Search {
+pub(crate) trait Search {
     /// Beyond this t nothing is wanted any more.
     fn limit(&self) -> f64;
     /// Whether hits are best found in their order along the ray; otherwise where they are likely.
     const NEAREST_FIRST: bool;
-    /// The test's part of the ray.
-    fn shear(&self) -> &Shear;
+    /// The ray's part of the ray-triangle test, where triangles that it misses need not be tested;
+    /// `None` where all of a leaf are to be.
+    #[inline(always)]
+    fn shear(&self) -> Option<&Shear> {
+        None
+    }
     /// Tests a triangle of these corners; breaks when the answer is known.
     fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()>;
 }

@@ -190,7 +190,14 @@ struct Edges<L> {
 
 impl<L: Lanes> Edges<L> {
     #[inline(always)]
-    fn new(shear: &Shear) -> Self {
+    fn new(shear: Option<&Shear>) -> Self {
+        let Some(shear) = shear else {
+            return Edges {
+                axes: [0; 3],
+                origin: [L::splat(0.0); 3],
+                shear: [L::splat(0.0); 2],
+            };
+        };
         Edges {
             axes: shear.axes,
             origin: [
@@ -374,10 +381,10 @@ impl<'s, L: Lanes> Cursor<'s, L> {
 
     /// Visits a node or a leaf; false when the search is over.
     #[inline(always)]
-    fn step(
+    fn step<S: Search>(
         &mut self,
         wide: &Wide,
-        search: &mut impl Search,
+        search: &mut S,
         counters: &mut impl Counters,
     ) -> bool {
         match self.next.child() {
@@ -393,7 +400,10 @@ impl<'s, L: Lanes> Cursor<'s, L> {
                 counters.leaf_visit(count as u32);
                 counters.triangle_tests(count as u32);
                 let rows = &wide.corners[9 * start..][..9 * count + WIDTH];
-                let mut candidates = self.edges.candidates(rows, count);
+                let mut candidates = match search.shear() {
+                    Some(_) => self.edges.candidates(rows, count),
+                    None => (1 << count) - 1,
+                };
                 if candidates != 0 {
                     while candidates != 0 {
                         let i = candidates.trailing_zeros() as usize;

@@ -13,7 +13,7 @@ pub use validate::ValidateError;
 use crate::build::{BuildError, BuildParams, BuildStats, Built, Progress, grow};
 use crate::catalog::{Directions, TreeChoice, TreeSpec};
 use crate::geometry::{Aabb, Mesh, Ray};
-use crate::query::{self, Counters, Hit, Place, Traversal};
+use crate::query::{self, ClosestPoint, Counters, Hit, Place, Traversal};
 use card::Expected;
 use nodes::{BoxNode, IndexedNode, KdNode, ObliqueNode, Shared};
 use wide::Wide;
@@ -349,7 +349,8 @@ impl Tree {
     ///
     /// An edge and a vertex belong to every triangle that has them. A ray through a shared edge
     /// hits each of the triangles that share it, at `t` that agree up to rounding, and never none
-    /// of them; so the number of hits is not a parity.
+    /// of them; so the number of hits is not a parity: whether
+    /// a point is inside a closed mesh is what [`Tree::contains`] says.
     pub fn all_hits(&self, ray: &Ray, hits: &mut Vec<Hit>, counters: &mut impl Counters) {
         query::all_hits(self, ray, |_| true, hits, counters);
     }
@@ -381,6 +382,73 @@ impl Tree {
     /// If there are not as many `hits` as `rays`.
     pub fn any_hits(&self, rays: &[Ray], hits: &mut [bool]) {
         query::any_hits(self, rays, hits);
+    }
+
+    /// The point of the mesh nearest to `point`, no further than `max_distance` (in scene units;
+    /// infinite for any); of equals, that of the triangle with the lowest index. `None` where there
+    /// is none, or where `point` is not finite.
+    ///
+    /// Distances are compared in f64, and the answer is that of looking at every triangle, bit for
+    /// bit. A visit counts as of a ray, and so does a look at a triangle.
+    pub fn closest_point(
+        &self,
+        point: [f32; 3],
+        max_distance: f32,
+        counters: &mut impl Counters,
+    ) -> Option<ClosestPoint> {
+        query::closest_point(self, point, max_distance, counters)
+    }
+
+    /// The distance from `point` to the mesh, in scene units, negative inside; `None` for a mesh of
+    /// no triangles, or a point that is not finite. The mesh should be closed: see
+    /// [`Mesh::is_closed`] and [`Tree::contains`].
+    pub fn signed_distance(&self, point: [f32; 3], counters: &mut impl Counters) -> Option<f32> {
+        let closest = self.closest_point(point, f32::INFINITY, counters)?;
+        let inside = self.contains(point, counters);
+        Some(if inside {
+            -closest.distance
+        } else {
+            closest.distance
+        })
+    }
+
+    /// Whether an odd number of surfaces lies above `point` (towards larger z): whether it is
+    /// inside a closed mesh, whichever way its triangles are turned.
+    ///
+    /// The count is exact: no triangle is missed or counted twice where an edge or a vertex lies
+    /// right above the point. Only of a point that lies on the surface itself the answer may be
+    /// either, but it is the same for every tree.
+    ///
+    /// ```
+    /// # use splitplane::{Mesh, Tree};
+    /// let positions = vec![[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    /// let mesh = Mesh::new(positions, vec![[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])?;
+    /// let tree = Tree::new(&mesh)?;
+    /// assert!(mesh.is_closed());
+    /// assert!(tree.contains([0.2, 0.2, 0.2], &mut ()));
+    /// assert_eq!(tree.signed_distance([0.25, 0.25, 0.125], &mut ()), Some(-0.125));
+    /// assert_eq!(tree.signed_distance([0.0, 0.0, -2.0], &mut ()), Some(2.0));
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    pub fn contains(&self, point: [f32; 3], counters: &mut impl Counters) -> bool {
+        query::contains(self, point, counters)
+    }
+
+    /// The triangles that have a point in common with a box, in order; to touch it is enough.
+    /// None for a box that is empty or not finite.
+    pub fn triangles_in_box(&self, region: &Aabb, counters: &mut impl Counters) -> Vec<u32> {
+        query::overlaps_region(self, region, counters)
+    }
+
+    /// The triangles that have a point no further than `radius` from `center` (both in scene
+    /// units), in order. None where a number is NaN, the radius negative or the centre not finite.
+    pub fn triangles_in_sphere(
+        &self,
+        center: [f32; 3],
+        radius: f32,
+        counters: &mut impl Counters,
+    ) -> Vec<u32> {
+        query::overlaps_sphere(self, center, radius, counters)
     }
 
     pub(crate) fn nodes(&self) -> &Nodes {

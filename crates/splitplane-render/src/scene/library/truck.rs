@@ -11,7 +11,7 @@ use crate::scene::view::{self, Up, color, matte};
 pub(crate) const TRIANGLES: usize = 116_501;
 
 /// The model as `scenes/truck-LICENSE.md` describes it.
-const FILE: &[u8] = include_bytes!("../../../../../scenes/truck.ply.gz");
+const FILE: &[u8] = include_bytes!("../../../scenes/truck.ply.gz");
 
 /// The materials, by the numbers of the file's faces.
 fn materials() -> Vec<Material> {
@@ -113,7 +113,7 @@ mod tests {
         }
         let mut packed = flate2::GzBuilder::new().write(Vec::new(), flate2::Compression::best());
         packed.write_all(&text).unwrap();
-        let target = concat!(env!("CARGO_MANIFEST_DIR"), "/../../scenes/truck.ply.gz");
+        let target = concat!(env!("CARGO_MANIFEST_DIR"), "/scenes/truck.ply.gz");
         std::fs::write(target, packed.finish().unwrap()).unwrap();
     }
 

@@ -1,0 +1,467 @@
+//! A tree and its batches of queries.
+
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray2};
+use pyo3::exceptions::{PyMemoryError, PyValueError};
+use pyo3::prelude::*;
+use rayon::prelude::*;
+use splitplane::{Counters, Counts, Hit, Layout, Mesh, Ray, TreeChoice};
+use splitplane_lab::{Built, CardRecord, Preset, Settings};
+
+use crate::batch::{self, CHUNK, array2, in_blocks, interruptible};
+
+type Array1<'py, T> = Bound<'py, PyArray1<T>>;
+type Array2<'py, T> = Bound<'py, PyArray2<T>>;
+
+/// What Open3D gives where nothing is hit.
+const MISS: u32 = u32::MAX;
+
+/// A tree over a mesh, or over several that were put one behind the other.
+#[pyclass(frozen, module = "splitplane._native")]
+pub(crate) struct Tree {
+    built: Built,
+    settings: Settings,
+    /// The first triangle of each of the meshes, from 0.
+    starts: Vec<u32>,
+}
+
+/// An answer: its geometry, its triangle there, and where on it.
+struct Place {
+    geometry: u32,
+    triangle: u32,
+    uv: [f32; 2],
+    normal: [f32; 3],
+}
+
+impl Tree {
+    /// Builds a tree, which may take a while.
+    pub(crate) fn over(
+        py: Python<'_>,
+        mesh: &Mesh,
+        starts: Vec<u32>,
+        (tree, layout): (&str, &str),
+        nthreads: usize,
+    ) -> PyResult<Self> {
+        let layout: Layout = layout.parse().map_err(PyValueError::new_err)?;
+        let choice: TreeChoice =
+            (tree.parse()).map_err(|error| PyValueError::new_err(format!("{error}")))?;
+        let mut settings = Settings::of_preset(Preset::Default);
+        settings.render.threads = nthreads;
+        let too_large = |error: &dyn std::fmt::Display| PyMemoryError::new_err(error.to_string());
+        let mut built = interruptible(py, |_| splitplane_lab::build(mesh, choice, &settings))?
+            .map_err(|error| too_large(&error))?;
+        built.tree = interruptible(py, |_| built.tree.with_layout(layout))?
+            .map_err(|error| too_large(&error))?;
+        built.card = built.tree.card();
+        Ok(Tree {
+            built,
+            settings,
+            starts,
+        })
+    }
+
+    fn mesh(&self) -> &Mesh {
+        self.built.tree.mesh()
+    }
+
+    /// Which geometry a triangle of the tree belongs to, and its index there.
+    #[inline]
+    fn own(&self, triangle: u32) -> (u32, u32) {
+        let geometry = self.starts.partition_point(|&start| start <= triangle) - 1;
+        (geometry as u32, triangle - self.starts[geometry])
+    }
+
+    #[inline]
+    fn place(&self, triangle: u32, u: f32, v: f32) -> Place {
+        let normal = self.mesh().normal(triangle);
+        let (geometry, triangle) = self.own(triangle);
+        Place {
+            geometry,
+            triangle,
+            uv: [u, v],
+            normal,
+        }
+    }
+
+    fn closest_hits<'py, C: Counters + Copy + Default + Send + Sync>(
+        &self,
+        py: Python<'py>,
+        rays: &Rays<'_>,
+        nthreads: usize,
+        counts: &mut [C],
+    ) -> PyResult<Hits<'py>> {
+        let count = rays.len();
+        let mut t = vec![f32::INFINITY; count];
+        let mut geometry = vec![MISS; count];
+        let mut triangle = vec![MISS; count];
+        let mut uv = vec![[0.0; 2]; count];
+        let mut normal = vec![[0.0; 3]; count];
+        in_blocks(py, count, nthreads, |block| {
+            (
+                t[block.clone()].par_chunks_mut(CHUNK),
+                geometry[block.clone()].par_chunks_mut(CHUNK),
+                triangle[block.clone()].par_chunks_mut(CHUNK),
+                uv[block.clone()].par_chunks_mut(CHUNK),
+                normal[block.clone()].par_chunks_mut(CHUNK),
+                counts[block.clone()].par_chunks_mut(CHUNK),
+            )
+                .into_par_iter()
+                .enumerate()
+                .for_each(|(chunk, (t, geometry, triangle, uv, normal, counts))| {
+                    let start = block.start + chunk * CHUNK;
+                    for i in 0..t.len() {
+                        let ray = rays.get(start + i);
+                        if let Some(hit) = self.built.tree.closest_hit(&ray, &mut counts[i]) {
+                            let place = self.place(hit.triangle, hit.u, hit.v);
+                            t[i] = hit.t;
+                            geometry[i] = place.geometry;
+                            triangle[i] = place.triangle;
+                            uv[i] = place.uv;
+                            normal[i] = place.normal;
+                        }
+                    }
+                });
+        })?;
+        Ok((
+            t.into_pyarray(py),
+            geometry.into_pyarray(py),
+            triangle.into_pyarray(py),
+            array2(py, uv)?,
+            array2(py, normal)?,
+        ))
+    }
+
+    fn any_hits<C: Counters + Copy + Default + Send + Sync>(
+        &self,
+        py: Python<'_>,
+        rays: &Rays<'_>,
+        nthreads: usize,
+        counts: &mut [C],
+    ) -> PyResult<Vec<bool>> {
+        let mut found = vec![false; rays.len()];
+        in_blocks(py, rays.len(), nthreads, |block| {
+            let start = block.start;
+            (
+                found[block.clone()].par_iter_mut(),
+                counts[block].par_iter_mut(),
+            )
+                .into_par_iter()
+                .with_min_len(CHUNK)
+                .enumerate()
+                .for_each(|(i, (found, counts))| {
+                    *found = self.built.tree.any_hit(&rays.get(start + i), counts);
+                });
+        })?;
+        Ok(found)
+    }
+
+    /// All hits of all rays, ray by ray.
+    fn every_hit(
+        &self,
+        py: Python<'_>,
+        rays: &Rays<'_>,
+        nthreads: usize,
+    ) -> PyResult<Vec<(u32, Vec<Hit>)>> {
+        let mut all = Vec::new();
+        in_blocks(py, rays.len(), nthreads, |block| {
+            let hits = block.into_par_iter().with_min_len(CHUNK).map(|i| {
+                let mut hits = Vec::new();
+                self.built.tree.all_hits(&rays.get(i), &mut hits, &mut ());
+                (i as u32, hits)
+            });
+            all.par_extend(hits.filter(|(_, hits)| !hits.is_empty()));
+        })?;
+        Ok(all)
+    }
+}
+
+/// `t`, geometry, triangle, (u, v) and normal of each ray.
+type Hits<'py> = (
+    Array1<'py, f32>,
+    Array1<'py, u32>,
+    Array1<'py, u32>,
+    Array2<'py, f32>,
+    Array2<'py, f32>,
+);
+
+/// Rays in an array: origin and direction; or also t_min and t_max.
+struct Rays<'a> {
+    numbers: &'a [f32],
+    columns: usize,
+    interval: (f32, f32),
+}
+
+impl<'a> Rays<'a> {
+    fn of(array: &'a PyReadonlyArray2<'_, f32>, interval: (f32, f32)) -> PyResult<Self> {
+        let (numbers, columns) = batch::rows(array, "rays", &[6])?;
+        Ok(Rays {
+            numbers,
+            columns,
+            interval,
+        })
+    }
+
+    fn len(&self) -> usize {
+        self.numbers.len() / self.columns
+    }
+
+    #[inline]
+    fn get(&self, i: usize) -> Ray {
+        let row = &self.numbers[i * self.columns..][..self.columns];
+        Ray {
+            t_min: self.interval.0,
+            t_max: self.interval.1,
+            ..Ray::new([row[0], row[1], row[2]], [row[3], row[4], row[5]])
+        }
+    }
+}
+
+/// Visits of axis-aligned, oblique and wide nodes and of leaves, and triangle tests.
+fn counted(py: Python<'_>, counts: Vec<Counts>) -> PyResult<Array2<'_, u32>> {
+    let row = |c: Counts| {
+        [
+            c.kd_visits,
+            c.oblique_visits,
+            c.wide_visits,
+            c.leaf_visits,
+            c.triangle_tests,
+        ]
+    };
+    let narrow = |c: u64| u32::try_from(c).unwrap_or(u32::MAX);
+    array2(py, counts.into_iter().map(|c| row(c).map(narrow)).collect())
+}
+
+#[pymethods]
+impl Tree {
+    /// The tree of that name over a mesh. `positions` is (N, 3), float32 or float64; `triangles`
+    /// (M, 3), indices into it; `starts` the first triangle of each geometry.
+    #[new]
+    fn new(
+        py: Python<'_>,
+        positions: &Bound<'_, PyAny>,
+        triangles: PyReadonlyArray2<'_, u32>,
+        starts: Vec<u32>,
+        tree: &str,
+        layout: &str,
+        nthreads: usize,
+    ) -> PyResult<Self> {
+        let triangles = triple(batch::rows(&triangles, "triangles", &[3])?.0);
+        let mesh = if let Ok(positions) = positions.extract::<PyReadonlyArray2<'_, f64>>() {
+            let positions = triple(batch::rows(&positions, "vertices", &[3])?.0);
+            Mesh::from_f64(&positions, triangles)
+        } else {
+            let positions = positions.extract::<PyReadonlyArray2<'_, f32>>()?;
+            Mesh::new(
+                triple(batch::rows(&positions, "vertices", &[3])?.0),
+                triangles,
+            )
+        };
+        let mesh = mesh.map_err(|error| PyValueError::new_err(error.to_string()))?;
+        Tree::over(py, &mesh, starts, (tree, layout), nthreads)
+    }
+
+    /// The position in space of the (0, 0, 0) that rays and points are counted from.
+    #[getter]
+    fn origin(&self) -> [f64; 3] {
+        self.mesh().origin()
+    }
+
+    /// The tree's name.
+    #[getter]
+    fn name(&self) -> String {
+        self.built.tree.choice().to_string()
+    }
+
+    /// Whether the meshes close a volume.
+    #[getter]
+    fn is_closed(&self) -> bool {
+        self.mesh().is_closed()
+    }
+
+    /// What is known of the tree, as JSON.
+    fn card(&self, scene: &str) -> PyResult<String> {
+        let record = CardRecord::new(&self.built, scene, &self.settings);
+        serde_json::to_string(&record).map_err(|error| PyValueError::new_err(error.to_string()))
+    }
+
+    /// The closest hits of (N, 6) rays: t, geometry, triangle, (u, v), normal; and (N, 4) counts
+    /// where `stats`, which is `None` otherwise.
+    fn closest_hit<'py>(
+        &self,
+        py: Python<'py>,
+        rays: PyReadonlyArray2<'py, f32>,
+        nthreads: usize,
+        stats: bool,
+    ) -> PyResult<(Hits<'py>, Option<Array2<'py, u32>>)> {
+        let rays = Rays::of(&rays, (0.0, f32::INFINITY))?;
+        if stats {
+            let mut counts = vec![Counts::default(); rays.len()];
+            let hits = self.closest_hits(py, &rays, nthreads, &mut counts)?;
+            return Ok((hits, Some(counted(py, counts)?)));
+        }
+        let hits = self.closest_hits(py, &rays, nthreads, &mut vec![(); rays.len()])?;
+        Ok((hits, None))
+    }
+
+    /// Whether each of (N, 6) rays hits anything in that interval of t; counts as for `closest_hit`.
+    fn any_hit<'py>(
+        &self,
+        py: Python<'py>,
+        rays: PyReadonlyArray2<'py, f32>,
+        interval: (f32, f32),
+        nthreads: usize,
+        stats: bool,
+    ) -> PyResult<(Array1<'py, bool>, Option<Array2<'py, u32>>)> {
+        let rays = Rays::of(&rays, interval)?;
+        if stats {
+            let mut counts = vec![Counts::default(); rays.len()];
+            let found = self.any_hits(py, &rays, nthreads, &mut counts)?;
+            return Ok((found.into_pyarray(py), Some(counted(py, counts)?)));
+        }
+        let found = self.any_hits(py, &rays, nthreads, &mut vec![(); rays.len()])?;
+        Ok((found.into_pyarray(py), None))
+    }
+
+    /// How many triangles each of (N, 6) rays hits.
+    fn count_hits<'py>(
+        &self,
+        py: Python<'py>,
+        rays: PyReadonlyArray2<'py, f32>,
+        nthreads: usize,
+    ) -> PyResult<Array1<'py, i32>> {
+        let rays = Rays::of(&rays, (0.0, f32::INFINITY))?;
+        let mut counts = vec![0i32; rays.len()];
+        for (ray, hits) in self.every_hit(py, &rays, nthreads)? {
+            counts[ray as usize] = i32::try_from(hits.len()).unwrap_or(i32::MAX);
+        }
+        Ok(counts.into_pyarray(py))
+    }
+
+    /// All hits of (N, 6) rays, ray by ray and in order of t: the ray of each, t, geometry,
+    /// triangle and (u, v).
+    #[expect(clippy::type_complexity, reason = "it is a list of columns")]
+    fn all_hits<'py>(
+        &self,
+        py: Python<'py>,
+        rays: PyReadonlyArray2<'py, f32>,
+        nthreads: usize,
+    ) -> PyResult<(
+        Array1<'py, u32>,
+        Array1<'py, f32>,
+        Array1<'py, u32>,
+        Array1<'py, u32>,
+        Array2<'py, f32>,
+    )> {
+        let rays = Rays::of(&rays, (0.0, f32::INFINITY))?;
+        let all = self.every_hit(py, &rays, nthreads)?;
+        let count = all.iter().map(|(_, hits)| hits.len()).sum();
+        let (mut ids, mut t) = (Vec::with_capacity(count), Vec::with_capacity(count));
+        let (mut geometries, mut triangles) =
+            (Vec::with_capacity(count), Vec::with_capacity(count));
+        let mut uvs = Vec::with_capacity(count);
+        for (ray, hits) in all {
+            for hit in hits {
+                let (geometry, triangle) = self.own(hit.triangle);
+                ids.push(ray);
+                t.push(hit.t);
+                geometries.push(geometry);
+                triangles.push(triangle);
+                uvs.push([hit.u, hit.v]);
+            }
+        }
+        Ok((
+            ids.into_pyarray(py),
+            t.into_pyarray(py),
+            geometries.into_pyarray(py),
+            triangles.into_pyarray(py),
+            array2(py, uvs)?,
+        ))
+    }
+
+    /// The closest points to (N, 3) points: point, distance, geometry, triangle, (u, v), normal.
+    #[expect(clippy::type_complexity, reason = "it is a list of columns")]
+    fn closest_point<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray2<'py, f32>,
+        nthreads: usize,
+    ) -> PyResult<(
+        Array2<'py, f32>,
+        Array1<'py, f32>,
+        Array1<'py, u32>,
+        Array1<'py, u32>,
+        Array2<'py, f32>,
+        Array2<'py, f32>,
+    )> {
+        let points = triple(batch::rows(&points, "points", &[3])?.0);
+        let mut found = vec![None; points.len()];
+        in_blocks(py, points.len(), nthreads, |block| {
+            (
+                found[block.clone()].par_iter_mut(),
+                points[block].par_iter(),
+            )
+                .into_par_iter()
+                .with_min_len(CHUNK / 16)
+                .for_each(|(found, &point)| {
+                    *found = self.built.tree.closest_point(point, f32::INFINITY, &mut ());
+                });
+        })?;
+        let count = points.len();
+        let mut closest = vec![[f32::NAN; 3]; count];
+        let mut distance = vec![f32::INFINITY; count];
+        let (mut geometry, mut triangle) = (vec![MISS; count], vec![MISS; count]);
+        let (mut uv, mut normal) = (vec![[0.0; 2]; count], vec![[0.0; 3]; count]);
+        for (i, near) in found.iter().enumerate() {
+            if let Some(near) = near {
+                let place = self.place(near.triangle, near.u, near.v);
+                closest[i] = near.point;
+                distance[i] = near.distance;
+                geometry[i] = place.geometry;
+                triangle[i] = place.triangle;
+                uv[i] = place.uv;
+                normal[i] = place.normal;
+            }
+        }
+        Ok((
+            array2(py, closest)?,
+            distance.into_pyarray(py),
+            geometry.into_pyarray(py),
+            triangle.into_pyarray(py),
+            array2(py, uv)?,
+            array2(py, normal)?,
+        ))
+    }
+
+    /// Whether each of (N, 3) points is inside.
+    fn contains<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray2<'py, f32>,
+        nthreads: usize,
+    ) -> PyResult<Array1<'py, bool>> {
+        let points = triple(batch::rows(&points, "points", &[3])?.0);
+        let mut inside = vec![false; points.len()];
+        in_blocks(py, points.len(), nthreads, |block| {
+            (
+                inside[block.clone()].par_iter_mut(),
+                points[block].par_iter(),
+            )
+                .into_par_iter()
+                .with_min_len(CHUNK / 16)
+                .for_each(|(inside, &point)| {
+                    *inside = self.built.tree.contains(point, &mut ());
+                });
+        })?;
+        Ok(inside.into_pyarray(py))
+    }
+}
+
+impl Tree {
+    pub(crate) fn built(&self) -> &Built {
+        &self.built
+    }
+}
+
+/// Numbers by threes.
+fn triple<T: Copy>(numbers: &[T]) -> Vec<[T; 3]> {
+    numbers.as_chunks().0.to_vec()
+}
