@@ -21,10 +21,12 @@ pub(crate) struct Scene {
     scene: splitplane_render::scene::Scene,
 }
 
-/// Stops a rendering once the flag is set.
-struct Stop<'a>(&'a AtomicBool);
+/// Stops a build or a rendering once the flag is set.
+pub(crate) struct Stop<'a>(pub(crate) &'a AtomicBool);
 
-impl Progress for Stop<'_> {
+impl Progress for Stop<'_> {}
+
+impl splitplane::Progress for Stop<'_> {
     fn cancelled(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
@@ -76,6 +78,7 @@ fn settings(picture: Picture, count: bool) -> RenderSettings {
         crop,
         max_depth,
         count,
+        time: None,
     }
 }
 

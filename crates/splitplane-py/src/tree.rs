@@ -8,6 +8,7 @@ use splitplane::{Counters, Counts, Hit, Layout, Mesh, Ray, TreeChoice};
 use splitplane_lab::{Built, CardRecord, Preset, Settings};
 
 use crate::batch::{self, CHUNK, array2, in_blocks, interruptible};
+use crate::scenes::Stop;
 
 type Array1<'py, T> = Bound<'py, PyArray1<T>>;
 type Array2<'py, T> = Bound<'py, PyArray2<T>>;
@@ -47,8 +48,10 @@ impl Tree {
         let mut settings = Settings::of_preset(Preset::Default);
         settings.render.threads = nthreads;
         let too_large = |error: &dyn std::fmt::Display| PyMemoryError::new_err(error.to_string());
-        let mut built = interruptible(py, |_| splitplane_lab::build(mesh, choice, &settings))?
-            .map_err(|error| too_large(&error))?;
+        let mut built = interruptible(py, |stop| {
+            splitplane_lab::build(mesh, choice, &settings, &Stop(stop))
+        })?
+        .map_err(|error| too_large(&error))?;
         built.tree = interruptible(py, |_| built.tree.with_layout(layout))?
             .map_err(|error| too_large(&error))?;
         built.card = built.tree.card();

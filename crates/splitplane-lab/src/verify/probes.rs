@@ -109,7 +109,8 @@ pub(super) fn built_in() -> Vec<ProbeSet> {
 }
 
 pub(super) fn of_mesh(mesh: &Mesh) -> Vec<ProbeSet> {
-    let kinds: [(_, _, fn(&Mesh, &mut Pcg32) -> Probe); 7] = [
+    type Aim = fn(&Mesh, &mut Pcg32) -> Probe;
+    let kinds: [(_, _, Aim); 7] = [
         (
             "edges",
             "at vertices, the middles of edges and points of edges",

@@ -278,7 +278,7 @@ pub(crate) fn run_in(
         if let Some(wide) = tree.wide() {
             return wide::traverse(wide, ray, search, counters);
         }
-        with_nodes!(tree, nodes => traverse(nodes, tree.shared(), tree.references(), tree.mesh(), place, ray, search, counters));
+        with_nodes!(tree, nodes => traverse(nodes, tree, place, ray, search, counters));
     }
 }
 

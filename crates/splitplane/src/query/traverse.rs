@@ -5,8 +5,9 @@ use std::ops::ControlFlow;
 use super::{Counters, Traversal};
 use crate::build::BuildParams;
 use crate::geometry::triangle::Shear;
-use crate::geometry::{Aabb, Frame, Mesh, Ray};
-use crate::tree::nodes::{Layout, Shared, View};
+use crate::geometry::{Aabb, Frame, Ray};
+use crate::tree::Tree;
+use crate::tree::nodes::{Layout, View};
 
 /// What a traversal looks for.
 pub(crate) trait Search {
@@ -189,14 +190,13 @@ fn pop(stack: &Stack, depth: &mut usize, limit: f64) -> Option<(usize, f64, f64)
 #[inline]
 pub(super) fn traverse<N: Layout>(
     nodes: &[N],
-    shared: &Shared,
-    references: &[u32],
-    mesh: &Mesh,
+    tree: &Tree,
     place: &Place,
     ray: &Ray,
     search: &mut impl Search,
     counters: &mut impl Counters,
 ) {
+    let (shared, references, mesh) = (tree.shared(), tree.references(), tree.mesh());
     let world = Line::new(ray, place);
     let (mut line, mut current) = (world, Frame::WORLD);
     let interval = (f64::from(ray.t_min), f64::from(ray.t_max));

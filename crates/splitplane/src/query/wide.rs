@@ -101,8 +101,8 @@ impl Line {
                 (map(self.origin), map(self.direction))
             }
         };
-        // Written so that it holds for what is not a number, too.
-        if !(self.margin < FAR_MARGIN) {
+        // An origin that far may overflow to what is not a number.
+        if self.margin >= FAR_MARGIN || self.margin.is_nan() {
             return FrameRay {
                 inverse: [1e30; 3],
                 entry: [1e30; 3],

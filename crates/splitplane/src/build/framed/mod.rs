@@ -369,7 +369,7 @@ impl Builder<'_> {
             along / total - 1.0
         };
         let now = misfit(place.frame as usize);
-        if !(now >= MISFIT) {
+        if now < MISFIT || now.is_nan() {
             return None;
         }
         let (best, frame) = (0..self.frames.len())
