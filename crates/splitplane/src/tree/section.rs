@@ -1,8 +1,9 @@
 //! A tree and its mesh, cut by a plane across an axis: what a picture of the splitting shows.
 
 use super::nodes::{Layout, View};
+use super::wide::{Child, Wide, WideNode};
 use super::{Tree, with_nodes};
-use crate::geometry::Aabb;
+use crate::geometry::{Aabb, Frame};
 
 /// An axis of the scene.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,7 +44,8 @@ pub struct SectionSegment {
     pub to: [f64; 2],
     /// Depth of the node; the root's is 0.
     pub depth: u32,
-    /// The plane is not across an axis, or is so only by chance.
+    /// The plane is not across an axis, or is so only by chance; of boxes, they are in a frame of
+    /// their own.
     pub oblique: bool,
 }
 
@@ -79,6 +81,18 @@ impl Axis {
 }
 
 impl Section {
+    /// Adds the sides of a box.
+    fn add_sides(&mut self, polygon: &[[f64; 2]], depth: u32, oblique: bool) {
+        let next = polygon.iter().cycle().skip(1);
+        let sides = polygon.iter().zip(next);
+        (self.segments).extend(sides.map(|(&from, &to)| SectionSegment {
+            from,
+            to,
+            depth,
+            oblique,
+        }));
+    }
+
     /// Triangle tests of a random line in the plane of the section, on average, if it tests the
     /// triangles of every cell on its way: what the SAH is in space, with the cells' perimeters in
     /// place of their areas. 0 where the section has no extent.
@@ -114,11 +128,15 @@ impl Tree {
             bounds,
             ..Section::default()
         };
-        with_nodes!(self, nodes => if self.choice.spec.objects {
-            self.section_of_boxes(nodes, &plane, max_depth, &mut section);
+        if let Some(wide) = self.wide() {
+            section_of_wide(wide, &plane, max_depth, &mut section);
         } else {
-            self.section_of_cells(nodes, &plane, max_depth, &mut section);
-        });
+            with_nodes!(self, nodes => if self.choice.spec.objects {
+                self.section_of_boxes(nodes, &plane, max_depth, &mut section);
+            } else {
+                self.section_of_cells(nodes, &plane, max_depth, &mut section);
+            });
+        }
         section.triangles = (self.mesh.usable_triangles().iter())
             .filter_map(|&triangle| plane.meet_triangle(&self.mesh.corners(triangle)))
             .collect();
@@ -162,7 +180,7 @@ impl Tree {
                     is_axis,
                 } => (normal, offset, above, !is_axis),
             };
-            let (line, line_offset) = plane.meet_plane(normal, offset);
+            let (line, line_offset) = plane.meet_plane(normal, f64::from(offset));
             let parts = split(&polygon, line, line_offset, epsilon);
             if let Some([from, to]) = parts.chord {
                 section.segments.push(SectionSegment {
@@ -188,23 +206,25 @@ impl Tree {
         max_depth: u32,
         section: &mut Section,
     ) {
-        let mut pending = vec![(0, 0)];
-        while let Some((at, depth)) = pending.pop() {
-            let Some(bounds) = plane.meet_box(&nodes[at].bounds()) else {
-                continue;
+        let mut pending = vec![(0, 0, Frame::WORLD)];
+        while let Some((at, depth, frame)) = pending.pop() {
+            let bounds = nodes[at].bounds();
+            let polygon = match frame {
+                Frame::WORLD => plane.meet_box(&bounds).map_or_else(Vec::new, rectangle),
+                _ => plane.meet_turned_box(
+                    &bounds,
+                    self.shared.frame(frame),
+                    [0.0; 3],
+                    section.bounds,
+                ),
             };
-            let polygon = rectangle(bounds);
-            for (i, &from) in polygon.iter().enumerate() {
-                section.segments.push(SectionSegment {
-                    from,
-                    to: polygon[(i + 1) % polygon.len()],
-                    depth,
-                    oblique: false,
-                });
+            if polygon.is_empty() {
+                continue;
             }
+            section.add_sides(&polygon, depth, frame != Frame::WORLD);
             match nodes[at].view(&self.shared) {
-                View::Objects { above, .. } if depth < max_depth => {
-                    pending.extend([(above, depth + 1), (at + 1, depth + 1)]);
+                View::Objects { above, frame } if depth < max_depth => {
+                    pending.extend([(above, depth + 1, frame), (at + 1, depth + 1, frame)]);
                 }
                 _ => section.cells.push(self.cell(nodes, at, depth, polygon)),
             }
@@ -239,6 +259,35 @@ impl Tree {
     }
 }
 
+/// The boxes of a wide tree, each in its node's frame.
+fn section_of_wide(wide: &Wide, plane: &Plane, max_depth: u32, section: &mut Section) {
+    let center = wide.center.map(f64::from);
+    let mut pending = vec![(0, 1)];
+    while let Some((at, depth)) = pending.pop() {
+        let node: &WideNode = &wide.nodes[at];
+        let frame = &wide.frames[node.frame as usize];
+        for (slot, child) in node.present() {
+            let bounds = node.child_bounds(slot);
+            let polygon = plane.meet_turned_box(&bounds, frame, center, section.bounds);
+            if polygon.is_empty() {
+                continue;
+            }
+            section.add_sides(&polygon, depth, node.frame != Frame::WORLD);
+            match child {
+                Child::Node(child) if depth < max_depth => pending.push((child, depth + 1)),
+                _ => {
+                    let triangles = wide.triangles_below(child).len() as u32;
+                    section.cells.push(SectionCell {
+                        polygon,
+                        depth,
+                        triangles,
+                    });
+                }
+            }
+        }
+    }
+}
+
 /// The plane of a section.
 struct Plane {
     axis: Axis,
@@ -258,11 +307,38 @@ impl Plane {
             .then(|| [self.flat(min), self.flat(max)])
     }
 
+    /// The part of a box of a frame that is in the plane, within a rectangle of it. The box is
+    /// relative to `center`, which is a point of the world.
+    fn meet_turned_box(
+        &self,
+        bounds: &Aabb,
+        frame: &Frame,
+        center: [f64; 3],
+        within: [[f64; 2]; 2],
+    ) -> Vec<[f64; 2]> {
+        let mut polygon = rectangle(within);
+        let center = frame.map(center);
+        for (axis, row) in frame.rows.into_iter().enumerate() {
+            let [min, max] = [bounds.min[axis], bounds.max[axis]].map(f64::from);
+            for (normal, offset) in [
+                (row, max + center[axis]),
+                (row.map(|c| -c), -(min + center[axis])),
+            ] {
+                if polygon.is_empty() {
+                    return polygon;
+                }
+                let (line, offset) = self.meet_plane(normal, offset);
+                polygon = split(&polygon, line, offset, 0.0).below;
+            }
+        }
+        polygon
+    }
+
     /// Another plane's line in this one: `line · [u, v] = offset`.
-    fn meet_plane(&self, normal: [f32; 3], offset: f32) -> ([f64; 2], f64) {
+    fn meet_plane(&self, normal: [f32; 3], offset: f64) -> ([f64; 2], f64) {
         let normal = normal.map(f64::from);
         let own = normal[self.axis.index()] * self.offset;
-        (self.flat(normal), f64::from(offset) - own)
+        (self.flat(normal), offset - own)
     }
 
     fn meet_triangle(&self, corners: &[[f32; 3]; 3]) -> Option<[[f64; 2]; 2]> {

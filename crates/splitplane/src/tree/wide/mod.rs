@@ -13,7 +13,7 @@ use bytemuck::{Pod, Zeroable};
 
 use super::{Tree, WideCard};
 use crate::build::{BuildError, BuildParams};
-use crate::geometry::Frame;
+use crate::geometry::{Aabb, Frame};
 
 /// Children of a node, triangles of a leaf: as many as an AVX register has lanes.
 pub(crate) const WIDTH: usize = 8;
@@ -116,6 +116,15 @@ impl WideNode {
             .map(|i| (i, self.children[i].child()))
     }
 
+    /// The box of a child, in the node's frame, relative to the centre of the scene.
+    pub(crate) fn child_bounds(&self, slot: usize) -> Aabb {
+        let corner = |high: usize| std::array::from_fn(|axis| self.bounds[high + axis][slot]);
+        Aabb {
+            min: corner(0),
+            max: corner(3),
+        }
+    }
+
     /// Whether a point of the world is in the box of a child.
     pub(crate) fn holds(&self, slot: usize, p: [f64; 3], wide: &Wide) -> bool {
         let relative = std::array::from_fn(|i| p[i] - f64::from(wide.center[i]));
@@ -154,6 +163,25 @@ impl Wide {
             depth: deepest,
             frames,
         }
+    }
+
+    /// The different triangles of a child and all below it, in order.
+    pub(crate) fn triangles_below(&self, child: Child) -> Vec<u32> {
+        let mut triangles = Vec::new();
+        let mut pending = vec![child];
+        while let Some(child) = pending.pop() {
+            match child {
+                Child::Node(at) => {
+                    pending.extend(self.nodes[at].present().map(|(_, child)| child));
+                }
+                Child::Leaf { start, count } => {
+                    triangles.extend_from_slice(&self.triangles[start..][..count]);
+                }
+            }
+        }
+        triangles.sort_unstable();
+        triangles.dedup();
+        triangles
     }
 
     pub(crate) fn bytes(&self) -> usize {
