@@ -27,10 +27,11 @@ use crate::tree::wide::{Child, Link, MAX_DEPTH, MAX_FRAMES, WIDTH, Wide, WideNod
 /// furthest point from the ray's origin along an axis, R.
 ///
 /// 16 for the triangle test (`TEST_ERROR` in `traverse`), along any direction. In a frame,
-/// coordinates are up to √3 · R; the origin is rounded three times, a difference to a box once, its
-/// product with the inverse direction once, and the inverse and the direction once each:
-/// 7 · √3 < 13. The rest is for R and the margin being rounded themselves.
-const BOX_ERROR: f32 = 30.0;
+/// coordinates are up to √3 · R. The origin is rounded when the centre is taken off, three times on
+/// its way into the frame and once with the margin; the direction three times; a difference to a
+/// box, its product with the inverse direction, and the inverse once each: 11 · √3 < 20. The rest is
+/// for R and the margin being rounded themselves.
+const BOX_ERROR: f32 = 40.0;
 
 /// Components of the direction that are smaller, in units of the largest, are taken for this
 /// large: they move the ray by less than any rounding. With it no product overflows.
@@ -141,12 +142,12 @@ impl Line {
         let (origin, direction) = match frame {
             Frame::WORLD => (self.origin, self.direction),
             _ => {
-                let frame = &frames[frame as usize];
-                let map = |v: Vec3A| {
-                    let [x, y, z] = frame.map(v.as_dvec3().to_array());
-                    Vec3A::new(x as f32, y as f32, z as f32)
-                };
-                (map(self.origin), map(self.direction))
+                let [a, b, c] = frames[frame as usize].rows;
+                let x = Vec3A::new(a[0], b[0], c[0]);
+                let y = Vec3A::new(a[1], b[1], c[1]);
+                let z = Vec3A::new(a[2], b[2], c[2]);
+                let (o, d) = (self.origin, self.direction);
+                (x * o.x + y * o.y + z * o.z, x * d.x + y * d.y + z * d.z)
             }
         };
         // An origin that far may overflow to what is not a number.
@@ -443,12 +444,17 @@ impl<Q: Question> Task for Batch<'_, Q> {
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
+        let Batch {
+            wide,
+            rays,
+            answers,
+        } = self;
         let mut space = Space::NEW;
-        for (ray, answer) in self.rays.iter().zip(self.answers) {
+        for (ray, answer) in rays.iter().zip(answers) {
             let mut search = Q::search(ray);
             if ray.is_valid() {
-                let mut cursor = Cursor::<L>::new(self.wide, ray, &search, &mut space);
-                while cursor.step(self.wide, &mut search, &mut ()) {}
+                let mut cursor = Cursor::<L>::new(wide, ray, &search, &mut space);
+                while cursor.step(wide, &mut search, &mut ()) {}
             }
             *answer = Q::answer(&search);
         }

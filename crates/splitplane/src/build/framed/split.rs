@@ -6,7 +6,7 @@ use super::{Bounds, LEAF_COST, NODE_COST, Reference, blocks};
 use crate::tree::wide::WIDTH;
 
 /// Boxes of children may overlap by this share of their parent's area.
-const MAX_OVERLAP: f32 = 0.2;
+const MAX_OVERLAP: f32 = 0.5;
 
 /// How to divide a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
