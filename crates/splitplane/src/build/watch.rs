@@ -47,6 +47,10 @@ impl<'a> Watched<'a> {
 
     /// A part of the work, as a share of [`WHOLE`], is done: a leaf of so many references.
     pub(super) fn finished(&self, share: u64, references: usize) {
+        // Once it is stopped, what is called a leaf is not done.
+        if self.is_stopped() {
+            return;
+        }
         let count = references as u64;
         let before = self.references.fetch_add(count, Ordering::Relaxed);
         if before + count > self.max_references {
