@@ -281,14 +281,8 @@ fn mtl(m: &tobj::Material, folder: &Path, found: &mut Found) -> Made {
             remap_roughness: false,
         }
     };
-    let numbers = m.unknown_param.get("Ke").map(|text| {
-        let words = text.split_whitespace();
-        words
-            .filter_map(|w| w.parse::<f32>().ok())
-            .collect::<Vec<_>>()
-    });
-    let light = match numbers.as_deref() {
-        Some(&[r, g, b]) if r.max(g).max(b) > 0.0 && (r + g + b).is_finite() => Some(AreaLight {
+    let light = match m.emissive {
+        Some([r, g, b]) if r.max(g).max(b) > 0.0 && (r + g + b).is_finite() => Some(AreaLight {
             radiance: [r, g, b].map(|c| c.max(0.0)),
             two_sided: false,
             after: 0,
