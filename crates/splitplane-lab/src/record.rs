@@ -25,6 +25,17 @@ pub struct Record {
     /// Triangles among them that no ray can hit (not finite, or without area), and that the tree
     /// leaves out.
     pub triangles_skipped: u64,
+    /// Copies of the scene's objects. They are in the mesh like everything else: the scene is
+    /// flattened, and `triangles` has them all.
+    #[serde(default)]
+    pub instances: u64,
+    /// Triangles of the scene where those of an object count once.
+    #[serde(default)]
+    pub unique_triangles: u64,
+    /// What a reader of the figures should know of the scene: how it was approximated, into how many
+    /// triangles its curved shapes were divided, what was absent; each with its place.
+    #[serde(default)]
+    pub scene_notes: Vec<String>,
     /// Which of several runs of the same tree, from 0.
     pub repetition: u32,
     /// Seed of the build's random draws.

@@ -336,6 +336,11 @@ pub fn record(
         scene: scene.name.clone(),
         triangles: scene.mesh.triangles().len() as u64,
         triangles_skipped: scene.mesh.skipped().total() as u64,
+        instances: scene.contents.instances,
+        unique_triangles: scene.contents.unique_triangles,
+        scene_notes: (scene.notes.iter())
+            .map(|note| format!("{}: {}", note.place, note.text))
+            .collect(),
         repetition,
         seed: settings.params.seed,
         sample_seed: settings.render.seed,
