@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
-use splitplane::{Axis, ObliquePricing, Ties, Traversal, TreeChoice};
+use splitplane::{Axis, Layout, ObliquePricing, Ties, Traversal, TreeChoice};
 use splitplane_lab::{Preset, Resolution, Settings, crop_named, ties_named, traversal_named};
 use splitplane_render::render::RenderSettings;
 
@@ -68,6 +68,10 @@ pub struct RenderCommand {
     pub tree: Option<TreeChoice>,
     #[command(flatten)]
     pub build: BuildArgs,
+    /// How the tree is stored: wide, for speed, or binary, whose counters are those of papers
+    /// [default: wide, but binary with --traversal published]
+    #[arg(long, value_name = "LAYOUT", help_heading = "How trees are built")]
+    pub layout: Option<Layout>,
     #[command(flatten)]
     pub picture: PictureArgs,
     /// Go on taking samples until so much time is over, e.g. 60s, 5m or 1h
@@ -118,6 +122,9 @@ pub struct BuildCommand {
     pub repeat: u32,
     #[command(flatten)]
     pub build: BuildArgs,
+    /// Bring the tree into this layout, binary or wide, after it is built
+    #[arg(long, default_value_t = Layout::Binary, value_name = "LAYOUT", help_heading = "How trees are built")]
+    pub layout: Layout,
     /// Print the card as JSON; the cards of all builds where there are several
     #[arg(long)]
     pub json: bool,
@@ -154,6 +161,10 @@ pub struct CompareCommand {
     pub repeat: u32,
     #[command(flatten)]
     pub build: BuildArgs,
+    /// How trees are stored: wide or binary [default: wide where time is taken, binary where tests
+    /// and visits are counted, as papers count them; binary alone with --traversal published]
+    #[arg(long, value_name = "LAYOUT", help_heading = "How trees are built")]
+    pub layout: Option<Layout>,
     #[command(flatten)]
     pub picture: PictureArgs,
     /// Write the records to this file [default: SCENE.json in the folder for output]
@@ -236,7 +247,7 @@ A file of an experiment:
   [quick]                        # what --quick puts in place of the above
   repetitions = 1
 
-Axes: k, preset, ties, oblique_pricing, traversal, intersection_cost, kd_traversal_cost,
+Axes: k, preset, ties, oblique_pricing, traversal, layout, intersection_cost, kd_traversal_cost,
 oblique_traversal_cost, alpha, empty_bonus, max_prims, seed, sample_seed, threads, spp, resolution,
 crop, max_depth.")]
 pub struct ExperimentCommand {
@@ -378,6 +389,10 @@ pub struct CastCommand {
     pub tree: Option<TreeChoice>,
     #[command(flatten)]
     pub build: BuildArgs,
+    /// How the tree is stored, wide or binary; hits are the same [default: wide, but binary with
+    /// --traversal published]
+    #[arg(long, value_name = "LAYOUT", help_heading = "How trees are built")]
+    pub layout: Option<Layout>,
     /// Where the hits go
     #[arg(long, value_name = "HITS.npz")]
     pub out: PathBuf,
@@ -702,6 +717,14 @@ impl BuildArgs {
         settings.render.threads = general.threads();
         settings
     }
+}
+
+/// The layout that was asked for; else the fast one, if it has the traversal.
+pub fn layout(given: Option<Layout>, traversal: Traversal) -> Layout {
+    given.unwrap_or(match traversal {
+        Traversal::Exact => Layout::Wide,
+        Traversal::AsPublished => Layout::Binary,
+    })
 }
 
 impl PictureArgs {

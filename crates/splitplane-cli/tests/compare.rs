@@ -150,10 +150,17 @@ fn counters_and_pictures_do_not_depend_on_the_number_of_threads() {
             assert_eq!(one[field], two[field], "{field} of {}", one["tree"]);
         }
     }
-    for name in ["hills.png", "hills-kd.exr"] {
-        let read = |threads| std::fs::read(folder.path().join(threads).join(name)).unwrap();
-        assert!(read("1") == read("2"), "{name}");
-    }
+    let png = |threads| std::fs::read(folder.path().join(threads).join("hills.png")).unwrap();
+    assert!(png("1") == png("2"));
+    // Of the EXR file all but its header, which has the time of the rendering.
+    let exr = |threads| {
+        let path = folder.path().join(threads).join("hills-kd.exr");
+        exr::prelude::read_first_flat_layer_from_file(path)
+            .unwrap()
+            .layer_data
+            .channel_data
+    };
+    assert!(exr("1") == exr("2"));
 }
 
 #[test]
@@ -245,4 +252,72 @@ fn values_are_put_in_place_of_names_in_a_template() {
         records(&folder.path().join("record.json"))[0]["tree"],
         "wn+kd"
     );
+}
+
+#[test]
+fn a_record_says_in_which_layout_it_was_timed_and_counted() {
+    let folder = folder();
+    hills_scene(folder.path(), "");
+    let with = |more: &[&str]| {
+        let mut arguments = vec!["compare", "hills.pbrt", "--trees", "kd,wn+kd:6"];
+        arguments.extend(more);
+        let (code, out, err) = outcome(splitplane(&folder).args(arguments));
+        assert_eq!(code, 0, "{err}");
+        (records(&folder.path().join("out/hills.json")), out)
+    };
+    let (usual, text) = with(&[]);
+    assert!(
+        text.contains("timed in the wide layout, counted in the binary one"),
+        "{text}"
+    );
+    let (binary, _) = with(&["--layout", "binary"]);
+    let (wide, _) = with(&["--layout", "wide"]);
+    let (published, _) = with(&["--traversal", "published"]);
+    for (records, timed, counted) in [
+        (&usual, "wide", "binary"),
+        (&binary, "binary", "binary"),
+        (&wide, "wide", "wide"),
+        (&published, "binary", "binary"),
+    ] {
+        for record in records {
+            assert_eq!(record["layout"], timed);
+            assert_eq!(record["counts_layout"], counted);
+            assert_eq!(record["layout_s"].is_null(), timed == "binary");
+            assert_eq!(record["wide_bytes"].is_null(), timed == "binary");
+            let visits = |kind: &str| record[kind]["camera"].as_u64().unwrap();
+            let binary = visits("kd_visits") + visits("oblique_visits");
+            assert_eq!(binary > 0, counted == "binary");
+            assert_eq!(visits("wide_visits") > 0, counted == "wide");
+        }
+    }
+    for (usual, binary) in usual.iter().zip(&binary) {
+        for field in [
+            "triangle_tests",
+            "kd_visits",
+            "oblique_visits",
+            "tree_bytes",
+        ] {
+            assert_eq!(usual[field], binary[field], "{field}");
+        }
+    }
+    let (code, _, err) = outcome(splitplane(&folder).args([
+        "render",
+        "hills.pbrt",
+        "--layout",
+        "wide",
+        "--traversal",
+        "published",
+    ]));
+    assert_eq!(code, 2);
+    assert!(err.contains("the exact traversal only"), "{err}");
+    let (code, _, err) = outcome(splitplane(&folder).args([
+        "build",
+        "hills.pbrt",
+        "--tree",
+        "kd",
+        "--layout",
+        "flat",
+    ]));
+    assert_eq!(code, 2);
+    assert!(err.contains("binary and wide"), "{err}");
 }

@@ -415,7 +415,6 @@ fn a_result_of_another_scene_or_a_damaged_one_is_told_of() {
         outcome(splitplane(&folder).args(["plan", file, "--out", "e"])).0,
         0
     );
-    hills_scene(folder.path(), "ReverseOrientation");
     let text = fs::read_to_string(folder.path().join("hills.pbrt")).unwrap();
     let moved = text.replace("LookAt 0 0 0", "LookAt 0 0 1");
     fs::write(folder.path().join("hills.pbrt"), moved).unwrap();

@@ -95,7 +95,7 @@ pub enum Difference {
 
 /// Builds and renders the scene with all trees, `repeat` times, interleaved (A B A B): what
 /// disturbs the machine disturbs all trees alike. Times are taken without counters; each tree is
-/// rendered once more with them.
+/// rendered once more with them. For either, the tree is in the layout that the settings have for it.
 ///
 /// With [`Traversal::Exact`], all trees must give the same picture; otherwise each its own.
 ///
@@ -282,6 +282,10 @@ pub fn rows(records: &[Record]) -> (Vec<String>, Vec<Row>) {
     };
     add("render time", false, Unit::Seconds, &|r| r.render_s);
     add("build time", false, Unit::Seconds, &|r| r.build_s);
+    let in_wide = |r: &Record| r.layout_s.unwrap_or(f64::NAN);
+    if records.iter().all(|r| r.layout_s.is_some()) {
+        add("to the wide layout", true, Unit::Seconds, &in_wide);
+    }
     add("nodes", false, Unit::Count, &|r| r.nodes.total() as f64);
     add("kd", true, Unit::Count, &|r| r.nodes.kd as f64);
     add("oblique", true, Unit::Count, &|r| r.nodes.oblique as f64);
@@ -293,11 +297,16 @@ pub fn rows(records: &[Record]) -> (Vec<String>, Vec<Row>) {
     add("size of the tree", false, Unit::Bytes, &|r| {
         r.tree_bytes as f64
     });
+    if records.iter().all(|r| r.wide_bytes.is_some()) {
+        add("in the wide layout", true, Unit::Bytes, &|r| {
+            r.wide_bytes.map_or(f64::NAN, |bytes| bytes as f64)
+        });
+    }
     add("SAH cost", false, Unit::Cost, &|r| r.sah_cost);
     type Counted = (&'static str, fn(&Record) -> PerRay);
     let counted: [Counted; 3] = [
         ("triangle tests", |r| r.triangle_tests),
-        ("interior node visits", interior_visits),
+        ("interior node visits", Record::interior_visits),
         ("leaf visits", |r| r.leaf_visits),
     ];
     for (label, count) in counted {
@@ -313,15 +322,6 @@ pub fn rows(records: &[Record]) -> (Vec<String>, Vec<Row>) {
         });
     }
     (trees.into_iter().map(|(tree, _)| tree).collect(), rows)
-}
-
-fn interior_visits(record: &Record) -> PerRay {
-    let (kd, oblique) = (record.kd_visits, record.oblique_visits);
-    PerRay {
-        camera: kd.camera + oblique.camera,
-        bounce: kd.bounce + oblique.bounce,
-        shadow: kd.shadow + oblique.shadow,
-    }
 }
 
 #[cfg(test)]

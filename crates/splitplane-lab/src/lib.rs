@@ -31,15 +31,15 @@ pub use params::{
 };
 pub use pictures::{Quantity, shared_scale};
 pub use published::QUANTITIES;
-pub use record::{CardRecord, NodeRecord, PerRay, Record, write_records};
+pub use record::{CardRecord, NodeRecord, PerRay, Record, WideRecord, write_records};
 pub use report::Report;
 pub use reproduce::{
     Figure, FigureLine, FigureTable, Measured, figure_tables, reproduce, reproduction_steps,
     trees_of_the_thesis,
 };
 pub use run::{
-    Built, LeafSizeRecord, RenderTime, Run, Settings, Timing, build, measure, record, render_timed,
-    render_with,
+    Built, Layouts, LeafSizeRecord, RenderTime, Run, Settings, Timing, build, measure, record,
+    render_timed, render_with,
 };
 pub use slice::{Slice, SliceSettings};
 pub use stats::{CONFIDENCE, Estimate, estimate, median};
@@ -57,6 +57,12 @@ pub enum LabError {
         /// Why.
         source: splitplane::BuildError,
     },
+    /// The wide layout answers exactly, and not as published.
+    #[error(
+        "the wide layout has the exact traversal only; take the binary layout with the traversal \
+         as published"
+    )]
+    WideAsPublished,
     /// The scene could not be rendered.
     #[error(transparent)]
     Render(#[from] splitplane_render::render::RenderError),

@@ -35,14 +35,17 @@ impl Quantity {
     pub(crate) fn counters(self) -> &'static [&'static str] {
         match self {
             Quantity::TriangleTests => &["triangle_tests"],
-            Quantity::NodeVisits => &["kd_visits", "oblique_visits"],
+            Quantity::NodeVisits => &["kd_visits", "oblique_visits", "wide_visits"],
         }
     }
 
     fn of(self, counts: &PixelCounts) -> f64 {
         match self {
             Quantity::TriangleTests => f64::from(counts.triangle_tests),
-            Quantity::NodeVisits => f64::from(counts.kd_visits) + f64::from(counts.oblique_visits),
+            Quantity::NodeVisits => [counts.kd_visits, counts.oblique_visits, counts.wide_visits]
+                .into_iter()
+                .map(f64::from)
+                .sum(),
         }
     }
 

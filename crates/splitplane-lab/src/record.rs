@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use splitplane::{TreeCard, Wins};
+use splitplane::{Layout, TreeCard, WideCard, Wins};
 use splitplane_render::render::RayKinds;
 
 use crate::machine::Machine;
@@ -25,6 +25,17 @@ pub struct Record {
     /// Triangles among them that no ray can hit (not finite, or without area), and that the tree
     /// leaves out.
     pub triangles_skipped: u64,
+    /// Copies of the scene's objects. They are in the mesh like everything else: the scene is
+    /// flattened, and `triangles` has them all.
+    #[serde(default)]
+    pub instances: u64,
+    /// Triangles of the scene where those of an object count once.
+    #[serde(default)]
+    pub unique_triangles: u64,
+    /// What a reader of the figures should know of the scene: how it was approximated, into how many
+    /// triangles its curved shapes were divided, what was absent; each with its place.
+    #[serde(default)]
+    pub scene_notes: Vec<String>,
     /// Which of several runs of the same tree, from 0.
     pub repetition: u32,
     /// Seed of the build's random draws.
@@ -57,6 +68,13 @@ pub struct Record {
     pub build_s: f64,
     /// Time to render the picture, in seconds.
     pub render_s: f64,
+    /// The layout of the tree that the picture was rendered with for its time: "binary" or "wide".
+    #[serde(default = "binary")]
+    pub layout: String,
+    /// Time to bring the tree from the binary layout, in which it is built, into the wide one, in
+    /// seconds; null where it was not.
+    #[serde(default)]
+    pub layout_s: Option<f64>,
     /// Whether counters ran while `render_s` was taken.
     pub counted_while_timed: bool,
     /// Processors that other processes kept busy while the tree was built or the picture rendered,
@@ -73,10 +91,16 @@ pub struct Record {
     pub bad_refines: u64,
     /// SAH cost, normalised by the root's area.
     pub sah_cost: f64,
-    /// Bytes of nodes and references.
+    /// Bytes of nodes and references, in the binary layout.
     pub tree_bytes: u64,
+    /// Bytes in the wide layout; null where the tree was not brought into it.
+    #[serde(default)]
+    pub wide_bytes: Option<u64>,
     /// Rays that were cast.
     pub rays: PerRay,
+    /// The layout of the tree whose tests and visits were counted: "binary" or "wide".
+    #[serde(default = "binary")]
+    pub counts_layout: String,
     /// Triangles tested.
     pub triangle_tests: PerRay,
     /// Axis-aligned interior nodes visited.
@@ -85,6 +109,9 @@ pub struct Record {
     pub oblique_visits: PerRay,
     /// Leaves visited.
     pub leaf_visits: PerRay,
+    /// Interior nodes visited in the wide layout, which has no others.
+    #[serde(default)]
+    pub wide_visits: PerRay,
     /// The most memory that the process had held by the end of the run, in bytes; null where the
     /// system does not say.
     pub peak_memory_bytes: Option<u64>,
@@ -94,6 +121,10 @@ pub struct Record {
     pub version: String,
     /// Commit of Splitplane; "unknown" where it was built outside its repository.
     pub commit: String,
+}
+
+fn binary() -> String {
+    Layout::Binary.name().to_owned()
 }
 
 /// Nodes by kind.
@@ -154,6 +185,11 @@ impl PerRay {
     pub fn total(&self) -> u64 {
         self.camera + self.bounce + self.shadow
     }
+
+    /// Rays that look for the closest hit.
+    pub(crate) fn closest(&self) -> u64 {
+        self.camera + self.bounce
+    }
 }
 
 impl Record {
@@ -175,13 +211,25 @@ impl Record {
         }
     }
 
+    /// Visits of interior nodes, whatever their kind.
+    pub fn interior_visits(&self) -> PerRay {
+        let sum = |pick: fn(&PerRay) -> u64| {
+            pick(&self.kd_visits) + pick(&self.oblique_visits) + pick(&self.wide_visits)
+        };
+        PerRay {
+            camera: sum(|r| r.camera),
+            bounce: sum(|r| r.bounce),
+            shadow: sum(|r| r.shadow),
+        }
+    }
+
     /// Whether two runs counted the same: nodes, rays, tests and visits.
     pub fn counts_like(&self, other: &Record) -> bool {
         let counts = |r: &Record| {
             (
                 (r.nodes, r.references, r.depth, r.bad_refines),
                 (r.rays, r.triangle_tests),
-                (r.kd_visits, r.oblique_visits, r.leaf_visits),
+                (r.kd_visits, r.oblique_visits, r.leaf_visits, r.wide_visits),
             )
         };
         counts(self) == counts(other)
@@ -253,6 +301,10 @@ pub struct CardRecord {
     pub sah_cost: f64,
     /// Bytes of nodes and references.
     pub tree_bytes: u64,
+    /// The tree in the wide layout; null where it was not brought into it. All else is of the tree
+    /// as it was built.
+    #[serde(default)]
+    pub wide: Option<WideRecord>,
     /// The machine, and its load when the build began.
     pub machine: Machine,
     /// Version of Splitplane.
@@ -272,6 +324,36 @@ pub struct WinsRecord {
     pub triangle: u64,
     /// Planes through a triangle's edge, perpendicular to it.
     pub edge: u64,
+}
+
+/// A tree in the wide layout.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WideRecord {
+    /// Nodes with up to eight children.
+    pub nodes: u64,
+    /// Leaves, each of up to eight triangles.
+    pub leaves: u64,
+    /// Triangles in all leaves.
+    pub references: u64,
+    /// Depth of the deepest node; the root's is 0.
+    pub depth: u32,
+    /// Bytes of all of it.
+    pub bytes: u64,
+    /// Time to bring the tree into this layout, in seconds.
+    pub seconds: f64,
+}
+
+impl WideRecord {
+    pub(crate) fn new(card: &WideCard, bytes: u64, seconds: f64) -> WideRecord {
+        WideRecord {
+            nodes: card.nodes,
+            leaves: card.leaves,
+            references: card.references,
+            depth: card.depth,
+            bytes,
+            seconds,
+        }
+    }
 }
 
 impl From<Wins> for WinsRecord {
@@ -341,6 +423,7 @@ impl CardRecord {
             wins: build.wins.into(),
             sah_cost,
             tree_bytes: bytes,
+            wide: built.wide_card,
             machine: built.machine.clone(),
             version,
             commit,

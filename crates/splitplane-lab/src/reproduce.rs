@@ -9,7 +9,7 @@ use crate::compare::{Step, Task, Watch, differing_pixels};
 use crate::params::Preset;
 use crate::published::{Figures, OF_THE_TREE, Place, QUANTITIES, Source};
 use crate::record::Record;
-use crate::run::{RenderTime, Settings, build, record, render_with};
+use crate::run::{Layouts, RenderTime, Settings, build, record, render_with};
 
 /// One tree, built with one way to treat ties, and the scene rendered with one traversal.
 #[derive(Clone, Debug)]
@@ -76,6 +76,7 @@ pub fn reproduce(
                     seed: settings.params.seed,
                     ..Preset::Thesis.params()
                 },
+                layouts: Layouts::default(),
                 ..settings.clone()
             };
             step(Task::Build);

@@ -3,7 +3,9 @@
 use serde::{Deserialize, Serialize};
 use std::time::Instant;
 
-use splitplane::{BuildParams, Counts, Mesh, Progress, Traversal, Tree, TreeCard, TreeChoice};
+use splitplane::{
+    BuildParams, Counts, Layout, Mesh, Progress, Traversal, Tree, TreeCard, TreeChoice,
+};
 use splitplane_render::render::{self, LeafSizes, RenderSettings, Rendered, render};
 use splitplane_render::scene::{Scene, settings::Integrator};
 
@@ -11,7 +13,7 @@ use crate::LabError;
 use crate::experiment::digest;
 use crate::machine::{Machine, OthersLoad, peak_memory_bytes};
 use crate::params::{ParamsRecord, Preset, traversal_name};
-use crate::record::{CardRecord, PerRay, Record, version_and_commit};
+use crate::record::{CardRecord, PerRay, Record, WideRecord, version_and_commit};
 
 /// The conditions that all trees of an experiment share.
 #[derive(Clone, Debug, PartialEq)]
@@ -22,9 +24,30 @@ pub struct Settings {
     pub params: BuildParams,
     /// How queries decide which cells a ray passes.
     pub traversal: Traversal,
+    /// In which layouts the tree answers rays.
+    pub layouts: Layouts,
     /// How to render. Its number of threads is also that of the build; the laboratory decides
     /// what is counted.
     pub render: RenderSettings,
+}
+
+/// The layouts of a tree: that of renderings for their time, and that of renderings that count.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Layouts {
+    /// Where times are taken.
+    pub timed: Layout,
+    /// Where tests and visits are counted; papers count in the binary layout.
+    pub counted: Layout,
+}
+
+impl Layouts {
+    /// The same for both.
+    pub fn both(layout: Layout) -> Layouts {
+        Layouts {
+            timed: layout,
+            counted: layout,
+        }
+    }
 }
 
 impl Settings {
@@ -34,6 +57,7 @@ impl Settings {
             preset,
             params: preset.params(),
             traversal: Traversal::default(),
+            layouts: Layouts::default(),
             render: RenderSettings::default(),
         }
     }
@@ -42,8 +66,12 @@ impl Settings {
 /// A tree that was built, and how that went.
 #[derive(Clone, Debug)]
 pub struct Built {
-    /// The tree.
+    /// The tree; in the wide layout only where nothing else was asked for.
     pub tree: Tree,
+    /// The same tree in the wide layout, where both layouts were asked for.
+    pub wide: Option<Tree>,
+    /// What is known of it in the wide layout, where it was brought into that.
+    pub wide_card: Option<WideRecord>,
     /// What is known of it.
     pub card: TreeCard,
     /// Time to build it, in seconds.
@@ -54,6 +82,17 @@ pub struct Built {
     pub machine: Machine,
     /// Processors that others kept busy during the build; `None` where that is not known.
     pub others_load: Option<f64>,
+}
+
+impl Built {
+    /// The tree in this layout, if the settings that it was built with asked for it; else in the
+    /// one that they did ask for.
+    pub fn in_layout(&self, layout: Layout) -> &Tree {
+        match (layout, &self.wide) {
+            (Layout::Wide, Some(wide)) => wide,
+            _ => &self.tree,
+        }
+    }
 }
 
 /// All that is known of one run.
@@ -162,16 +201,23 @@ pub struct RenderTime {
     pub others_load: Option<f64>,
 }
 
-/// Builds a tree, watched, on as many threads as the settings say.
+/// Builds a tree, watched, on as many threads as the settings say, and brings it into the layouts
+/// that they ask for.
 ///
 /// # Errors
-/// Parameters out of range, a tree too large for its nodes, no threads, or cancelled by `progress`.
+/// Parameters out of range, a tree too large for its nodes, no threads, a traversal that there is
+/// not in a layout, or cancelled by `progress`.
 pub fn build(
     mesh: &Mesh,
     choice: TreeChoice,
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<Built, LabError> {
+    let Layouts { timed, counted } = settings.layouts;
+    let wanted = |layout| timed == layout || counted == layout;
+    if settings.traversal == Traversal::AsPublished && wanted(Layout::Wide) {
+        return Err(LabError::WideAsPublished);
+    }
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(settings.render.threads)
         .build()
@@ -182,13 +228,34 @@ pub fn build(
     let tree = pool.install(|| Tree::build_watched(mesh, choice, &settings.params, progress));
     let seconds = start.elapsed().as_secs_f64();
     let others_load = load.stop();
-    let tree = tree.map_err(|source| LabError::Build {
+    let failed = |source| LabError::Build {
         tree: choice.to_string(),
         source,
-    })?;
+    };
+    let tree = tree.map_err(failed)?;
+    let card = tree.card();
+    let tree = tree.with_traversal(settings.traversal);
+    let start = Instant::now();
+    let (tree, wide) = match (wanted(Layout::Binary), wanted(Layout::Wide)) {
+        (_, false) => (tree, None),
+        (false, true) => {
+            let wide = pool.install(|| tree.with_layout(Layout::Wide));
+            (wide.map_err(failed)?, None)
+        }
+        (true, true) => {
+            let copy = tree.clone();
+            let wide = pool.install(|| copy.with_layout(Layout::Wide));
+            (tree, Some(wide.map_err(failed)?))
+        }
+    };
+    let layout_seconds = start.elapsed().as_secs_f64();
+    let wide_card = wide.as_ref().unwrap_or(&tree).card();
     Ok(Built {
-        card: tree.card(),
-        tree: tree.with_traversal(settings.traversal),
+        wide_card: (wide_card.wide.as_ref())
+            .map(|card| WideRecord::new(card, wide_card.bytes, layout_seconds)),
+        card,
+        tree,
+        wide,
         seconds,
         threads: pool.current_num_threads(),
         machine,
@@ -212,7 +279,8 @@ pub fn render_timed(
     Ok((rendered, load.stop()))
 }
 
-/// Renders a scene with a tree that was built over its mesh, counting or not.
+/// Renders a scene with a tree that was built over its mesh, counting or not, in the layout that the
+/// settings have for that.
 ///
 /// # Errors
 /// As [`render`].
@@ -223,11 +291,13 @@ pub fn render_with(
     count: bool,
     progress: &dyn render::Progress,
 ) -> Result<Rendered, LabError> {
+    let Layouts { timed, counted } = settings.layouts;
+    let tree = built.in_layout(if count { counted } else { timed });
     let settings = RenderSettings {
         count,
         ..settings.render.clone()
     };
-    Ok(render(scene, &built.tree, &settings, progress)?)
+    Ok(render(scene, tree, &settings, progress)?)
 }
 
 /// The record of a run.
@@ -259,12 +329,18 @@ pub fn record(
         bounce: pick(&counted.counts.bounce),
         shadow: pick(&counted.counts.shadow),
     };
+    let name_of = |layout: Layout| layout.name().to_owned();
     Record {
         tree: card.choice.spec.name.to_owned(),
         k: card.choice.direction_count,
         scene: scene.name.clone(),
         triangles: scene.mesh.triangles().len() as u64,
         triangles_skipped: scene.mesh.skipped().total() as u64,
+        instances: scene.contents.instances,
+        unique_triangles: scene.contents.unique_triangles,
+        scene_notes: (scene.notes.iter())
+            .map(|note| format!("{}: {}", note.place, note.text))
+            .collect(),
         repetition,
         seed: settings.params.seed,
         sample_seed: settings.render.seed,
@@ -281,6 +357,11 @@ pub fn record(
         traversal: traversal_name(settings.traversal).to_owned(),
         build_s: built.seconds,
         render_s: time.seconds,
+        layout: name_of(match time.counted {
+            true => settings.layouts.counted,
+            false => settings.layouts.timed,
+        }),
+        layout_s: built.wide_card.map(|wide| wide.seconds),
         counted_while_timed: time.counted,
         others_load: match (built.others_load, time.others_load) {
             (Some(a), Some(b)) => Some(a.max(b)),
@@ -292,11 +373,14 @@ pub fn record(
         bad_refines: card.build.bad_refines,
         sah_cost: card.sah_cost,
         tree_bytes: card.bytes,
+        wide_bytes: built.wide_card.map(|wide| wide.bytes),
         rays: PerRay::from(counted.rays),
+        counts_layout: name_of(settings.layouts.counted),
         triangle_tests: counts(|c| c.triangle_tests),
         kd_visits: counts(|c| c.kd_visits),
         oblique_visits: counts(|c| c.oblique_visits),
         leaf_visits: counts(|c| c.leaf_visits),
+        wide_visits: counts(|c| c.wide_visits),
         peak_memory_bytes: peak_memory_bytes(),
         machine: built.machine.clone(),
         version,

@@ -392,21 +392,53 @@ fn an_interrupted_rendering_goes_on_to_the_same_picture() {
     assert_eq!(without_time(resumed), without_time(whole));
 }
 
+/// Stops once a pixel has so many samples, and keeps the picture.
+struct Enough {
+    samples: u32,
+    picture: Mutex<Option<Rendered>>,
+}
+
+impl splitplane::Progress for Enough {
+    fn cancelled(&self) -> bool {
+        self.picture.lock().unwrap().is_some()
+    }
+}
+
+impl Progress for Enough {
+    fn wants_partial(&self) -> bool {
+        true
+    }
+    fn partial(&self, partial: &Partial) {
+        if partial.picture.samples_per_pixel >= self.samples {
+            *self.picture.lock().unwrap() = Some(partial.picture.clone());
+        }
+    }
+}
+
 #[test]
-fn a_limit_of_time_gives_more_samples_and_the_same_mean() {
+fn with_a_limit_of_time_samples_are_added_until_it_is_over() {
     let scene = room();
-    let with = |time| {
-        let settings = RenderSettings {
-            samples_per_pixel: Some(2),
-            time,
-            ..Default::default()
-        };
-        rendered(&scene, &settings)
+    let tree = tree_of(&scene);
+    let settings = |time| RenderSettings {
+        samples_per_pixel: Some(2),
+        time,
+        ..Default::default()
     };
-    let (short, long) = (with(None), with(Some(0.5)));
+    let short = render(&scene, &tree, &settings(None), &()).unwrap();
     assert_eq!(short.samples_per_pixel, 2);
-    assert!(long.samples_per_pixel > 2);
-    let pixels = 70 * 41 * u64::from(long.samples_per_pixel);
-    assert_eq!(long.rays.camera, pixels);
+    // A limit that is over at once: the scene's own samples, and no more.
+    let over = render(&scene, &tree, &settings(Some(0.0)), &()).unwrap();
+    assert_eq!(without_time(over), without_time(short.clone()));
+    // One that is never over: more and more, until it is stopped.
+    let enough = Enough {
+        samples: 30,
+        picture: Mutex::default(),
+    };
+    let stopped = render(&scene, &tree, &settings(Some(1e9)), &enough);
+    assert_eq!(stopped, Err(RenderError::Cancelled));
+    let long = enough.picture.into_inner().unwrap().unwrap();
+    // Each pass doubles the samples.
+    assert_eq!(long.samples_per_pixel, 32);
+    assert_eq!(long.rays.camera, 70 * 41 * 32);
     assert!((mean(&long) / mean(&short) - 1.0).abs() < 0.1);
 }

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use splitplane_lab::{CardRecord, Preset, build, median};
+use splitplane_lab::{CardRecord, Layouts, Preset, build, median};
 
 use crate::args::BuildCommand;
 use crate::failure::Failure;
@@ -12,7 +12,8 @@ use crate::{print, scene};
 
 pub fn run(command: &BuildCommand) -> Result<(), Failure> {
     let quiet = command.general.quiet;
-    let settings = command.build.settings(Preset::Default, &command.general);
+    let mut settings = command.build.settings(Preset::Default, &command.general);
+    settings.layouts = Layouts::both(command.layout);
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, quiet)?;
@@ -158,9 +159,21 @@ fn text(card: &CardRecord) -> String {
         ("uncut cells", grouped(card.uncut_cells)),
         ("leaves by the limit", grouped(card.limited_leaves)),
     ];
-    let rows = rows
+    let mut rows = rows.map(|(label, value)| (label, value)).to_vec();
+    if let Some(wide) = &card.wide {
+        rows.extend([
+            ("in the wide layout", String::new()),
+            ("  nodes", grouped(wide.nodes)),
+            ("  leaves", grouped(wide.leaves)),
+            ("  references", grouped(wide.references)),
+            ("  depth", grouped(wide.depth.into())),
+            ("  size", bytes(wide.bytes)),
+            ("  time to bring it there", seconds(wide.seconds)),
+        ]);
+    }
+    let rows = (rows.into_iter())
         .map(|(label, value)| vec![label.to_owned(), value])
-        .to_vec();
+        .collect();
     let mut text = format!(
         "{}\n\n{}\n\n{}",
         print::table(vec![tree, card.scene.clone()], rows).trim_fmt(),

@@ -7,10 +7,10 @@ use std::path::Path;
 use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
 use rayon::prelude::*;
 use splitplane::{Hit, Ray, TREES, Tree, TreeChoice};
-use splitplane_lab::{LabError, Preset, build, write_whole};
+use splitplane_lab::{LabError, Layouts, Preset, build, write_whole};
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
-use crate::args::{CastCommand, Query};
+use crate::args::{CastCommand, Query, layout};
 use crate::failure::{Failure, writable_place};
 use crate::numbers::{count, grouped, seconds};
 use crate::progress::{self, Bar};
@@ -21,7 +21,8 @@ pub fn run(command: &CastCommand) -> Result<(), Failure> {
     let quiet = command.general.quiet;
     let rays = read_rays(&command.rays)
         .map_err(|error| Failure::input(format!("{}: {error}", command.rays.display())))?;
-    let settings = command.build.settings(Preset::Default, &command.general);
+    let mut settings = command.build.settings(Preset::Default, &command.general);
+    settings.layouts = Layouts::both(layout(command.layout, settings.traversal));
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, quiet)?;

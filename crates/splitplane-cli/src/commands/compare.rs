@@ -2,15 +2,15 @@
 
 use std::path::{Path, PathBuf};
 
-use splitplane::{Traversal, TreeChoice};
+use splitplane::{Layout, Traversal, TreeChoice};
 use splitplane_lab::experiment::SceneFacts;
 use splitplane_lab::{
-    Comparison, Difference, Preset, Quantity, Record, Report, Row, compare, peak_memory_bytes,
-    rows, shared_scale, write_records,
+    Comparison, Difference, Layouts, Preset, Quantity, Record, Report, Row, compare,
+    peak_memory_bytes, rows, shared_scale, write_records,
 };
 use splitplane_render::output::{write_exr, write_false_colour, write_png};
 
-use crate::args::CompareCommand;
+use crate::args::{CompareCommand, layout};
 use crate::failure::{Failure, writable_folder, writable_place};
 use crate::numbers::{bytes, count, grouped, percent};
 use crate::progress::{self, Bar};
@@ -29,6 +29,10 @@ pub fn run(command: &CompareCommand) -> Result<(), Failure> {
     }
     let quiet = command.general.quiet;
     let mut settings = command.build.settings(Preset::Thesis, &command.general);
+    settings.layouts = Layouts {
+        timed: layout(command.layout, settings.traversal),
+        counted: command.layout.unwrap_or(Layout::Binary),
+    };
     let steps = trees.len() * (2 * command.repeat as usize + 1);
     let bar = Bar::new(quiet, steps);
     bar.spin(format!("reading {}", command.scene.scene));
@@ -98,9 +102,14 @@ fn conditions(record: &Record, repeat: u32) -> String {
     } else {
         format!(", {} of them rendered", grouped(record.pixels))
     };
+    let layouts = match (&*record.layout, &*record.counts_layout) {
+        (timed, counted) if timed == counted => format!("timed and counted in the {timed} layout"),
+        (timed, counted) => format!("timed in the {timed} layout, counted in the {counted} one"),
+    };
     format!(
         "{}: {}, {} x {} pixels{crop}, {} per pixel{depth}\n\
          {} parameters, ties {}, traversal {}, seed {}, {}, {}\n\
+         {layouts}\n\
          rays: {} camera, {} bounce, {} shadow",
         record.scene,
         count(record.triangles, "triangle"),

@@ -5,12 +5,12 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use splitplane::{TREES, TreeChoice};
-use splitplane_lab::{LabError, Preset, RenderTime, build, record, write_records};
+use splitplane_lab::{LabError, Layouts, Preset, RenderTime, build, record, write_records};
 use splitplane_render::output::{write_bytes, write_exr, write_png};
 use splitplane_render::render::{Checkpoint, Partial, Progress, render_from};
 use splitplane_render::scene::Scene;
 
-use crate::args::RenderCommand;
+use crate::args::{RenderCommand, layout};
 use crate::failure::{Failure, writable_folder, writable_place};
 use crate::numbers::{count, grouped, seconds};
 use crate::progress::{self, Bar};
@@ -23,6 +23,7 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
     }
     let quiet = command.general.quiet;
     let mut settings = command.build.settings(Preset::Default, &command.general);
+    settings.layouts = Layouts::both(layout(command.layout, settings.traversal));
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, quiet)?;
@@ -85,11 +86,12 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
         seconds(record.render_s),
     ))?;
     print::line(&format!(
-        "rays: {} camera, {} bounce, {} shadow; {} triangle tests",
+        "rays: {} camera, {} bounce, {} shadow; {} triangle tests in the {} layout",
         grouped(record.rays.camera),
         grouped(record.rays.bounce),
         grouped(record.rays.shadow),
         grouped(record.triangle_tests.total()),
+        record.counts_layout,
     ))?;
     print::line(&format!(
         "wrote {} and {}",

@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use splitplane::{ObliquePricing, TreeChoice};
+use splitplane::{Layout, ObliquePricing, Traversal, TreeChoice};
 
 use crate::params::{Preset, ties_named, traversal_named};
-use crate::run::Settings;
+use crate::run::{Layouts, Settings};
 use crate::window::{Resolution, crop_named};
 
 /// Everything about a run but its scene and its tree. What is left out is as the preset or the
@@ -27,6 +27,10 @@ pub struct Conditions {
     /// Which cells a ray passes: "exact" or "published".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub traversal: Option<String>,
+    /// How the tree is stored that answers the rays, of times and of counts alike: "binary" or
+    /// "wide"; left out: "binary", as in the thesis.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layout: Option<String>,
     /// Cost of a ray-triangle test.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub intersection_cost: Option<f64>,
@@ -131,6 +135,12 @@ impl Conditions {
         params.seed = self.seed.unwrap_or(params.seed);
         if let Some(traversal) = &self.traversal {
             settings.traversal = traversal_named(traversal).map_err(text)?;
+        }
+        if let Some(layout) = &self.layout {
+            settings.layouts = Layouts::both(layout.parse()?);
+        }
+        if settings.layouts.timed == Layout::Wide && settings.traversal == Traversal::AsPublished {
+            return Err(crate::LabError::WideAsPublished.to_string());
         }
         let render = &mut settings.render;
         render.threads = usize::from(self.threads.unwrap_or(1));

@@ -26,10 +26,6 @@ fn share(part: u64, whole: u64) -> Option<f64> {
     (whole > 0).then(|| 100.0 * part as f64 / whole as f64)
 }
 
-fn closest(counts: crate::PerRay) -> u64 {
-    counts.camera + counts.bounce
-}
-
 /// Smaller is better in all that are relative.
 pub(crate) static MEASURES: &[Measure] = &[
     Measure {
@@ -56,7 +52,7 @@ pub(crate) static MEASURES: &[Measure] = &[
         unit: Unit::Count,
         relative: true,
         time: false,
-        of: |r| Some(closest(r.triangle_tests) as f64),
+        of: |r| Some(r.triangle_tests.closest() as f64),
         thesis: Some(|t| t.triangle_tests_closest),
     },
     Measure {
@@ -74,7 +70,7 @@ pub(crate) static MEASURES: &[Measure] = &[
         unit: Unit::Count,
         relative: true,
         time: false,
-        of: |r| Some((closest(r.kd_visits) + closest(r.oblique_visits)) as f64),
+        of: |r| Some(r.interior_visits().closest() as f64),
         thesis: Some(|t| t.kd_visits_closest + t.oblique_visits_closest),
     },
     Measure {
@@ -83,7 +79,7 @@ pub(crate) static MEASURES: &[Measure] = &[
         unit: Unit::Count,
         relative: true,
         time: false,
-        of: |r| Some((r.kd_visits.shadow + r.oblique_visits.shadow) as f64),
+        of: |r| Some(r.interior_visits().shadow as f64),
         thesis: Some(|t| t.kd_visits_shadow + t.oblique_visits_shadow),
     },
     Measure {
@@ -138,8 +134,8 @@ pub(crate) static MEASURES: &[Measure] = &[
         relative: false,
         time: false,
         of: |r| {
-            let kd = closest(r.kd_visits);
-            share(kd, kd + closest(r.oblique_visits))
+            let kd = r.kd_visits.closest();
+            share(kd, kd + r.oblique_visits.closest())
         },
         thesis: Some(|t| {
             100.0 * t.kd_visits_closest / (t.kd_visits_closest + t.oblique_visits_closest)

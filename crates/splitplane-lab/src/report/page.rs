@@ -227,6 +227,12 @@ fn conditions(group: &Group) -> Markup {
             "; " (grouped(record.rays.camera)) " camera, " (grouped(record.rays.bounce)) " bounce and "
             (grouped(record.rays.shadow)) " shadow rays. Parameters: " (record.preset) ", ties "
             (record.build_params.ties) ", traversal " (record.traversal) ", seed " (record.seed) ". "
+            @if group.timed && record.layout != record.counts_layout {
+                "Rendered for time in the " (record.layout) " layout, counted in the "
+                (record.counts_layout) " one. "
+            } @else {
+                "Layout " (record.counts_layout) ". "
+            }
             @if group.timed {
                 @if repetitions > 1 { "Medians of " (repetitions) " runs in turn" } @else { "One run" }
                 " on " (count(record.threads as u64, "thread")) "."

@@ -13,9 +13,9 @@ use crate::render::{PixelCounts, Rendered};
 
 /// Writes radiance (`R`, `G`, `B`, linear), depth (`depth.Z`), the normal (`normal.X`, `.Y`, `.Z`)
 /// and the counters per pixel (`counters.triangle_tests.closest`, `….shadow`, and so on for
-/// `kd_visits`, `oblique_visits`, `leaf_visits`) as channels of one EXR file. Counters are 32-bit
-/// unsigned integers, all else 32-bit floats. The header says `samplesPerPixel` and `renderTime`
-/// (in seconds).
+/// `kd_visits`, `oblique_visits`, `leaf_visits`, `wide_visits`) as channels of one EXR file. Counters
+/// are 32-bit unsigned integers, all else 32-bit floats. The header says `samplesPerPixel` and
+/// `renderTime` (in seconds).
 ///
 /// # Errors
 /// The file cannot be written, or the picture has not as many values as pixels.
@@ -76,9 +76,10 @@ pub fn write_exr(path: &Path, picture: &Rendered) -> Result<(), OutputError> {
 /// A counter's name, and how to get it.
 type Counter = (&'static str, fn(&PixelCounts) -> u32);
 
-const COUNTERS: [Counter; 4] = [
+const COUNTERS: [Counter; 5] = [
     ("triangle_tests", |c| c.triangle_tests),
     ("kd_visits", |c| c.kd_visits),
     ("oblique_visits", |c| c.oblique_visits),
     ("leaf_visits", |c| c.leaf_visits),
+    ("wide_visits", |c| c.wide_visits),
 ];

@@ -139,6 +139,7 @@ impl Checkpoint {
                 half(counts.kd_visits);
                 half(counts.oblique_visits);
                 half(counts.leaf_visits);
+                half(counts.wide_visits);
             }
         }
         bytes
@@ -191,7 +192,7 @@ impl Checkpoint {
         };
         let pixels = usize::try_from(word()?).ok()?;
         let counted = word()? == 1;
-        let words_a_pixel = 4 + 5 + if counted { 8 } else { 0 };
+        let words_a_pixel = 4 + 5 + if counted { 10 } else { 0 };
         if rest.len() != pixels.checked_mul(4 * words_a_pixel)? {
             return None;
         }
@@ -222,6 +223,7 @@ impl Checkpoint {
                         kd_visits: half()?,
                         oblique_visits: half()?,
                         leaf_visits: half()?,
+                        wide_visits: half()?,
                     })
                 })
                 .collect()
@@ -249,7 +251,7 @@ impl Checkpoint {
     }
 }
 
-const MAGIC: &[u8] = b"splitplane picture 1\n";
+const MAGIC: &[u8] = b"splitplane picture 2\n";
 
 /// Of any text, the same on every machine [FNV-1a].
 pub(super) fn fingerprint(text: &str) -> u64 {

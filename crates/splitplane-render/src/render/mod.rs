@@ -122,6 +122,8 @@ pub struct PixelCounts {
     pub oblique_visits: u32,
     /// Leaves visited.
     pub leaf_visits: u32,
+    /// Interior nodes visited of a tree in the wide layout, which has no others.
+    pub wide_visits: u32,
 }
 
 /// [`PixelCounts`] of all pixels, row by row from the top.
@@ -311,7 +313,7 @@ fn fingerprint_of(scene: &Scene, tree: &Tree, settings: &RenderSettings) -> u64 
                 &scene.sampler,
                 &scene.integrator
             ),
-            (&scene.camera, tree.choice(), tree.params()),
+            (&scene.camera, tree.choice(), tree.params(), tree.layout()),
         )
     ))
 }

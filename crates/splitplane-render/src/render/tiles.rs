@@ -251,6 +251,7 @@ impl AddAssign for PixelCounts {
         add(&mut self.kd_visits, other.kd_visits);
         add(&mut self.oblique_visits, other.oblique_visits);
         add(&mut self.leaf_visits, other.leaf_visits);
+        add(&mut self.wide_visits, other.wide_visits);
     }
 }
 
@@ -262,6 +263,7 @@ impl From<Counts> for PixelCounts {
             kd_visits: short(counts.kd_visits),
             oblique_visits: short(counts.oblique_visits),
             leaf_visits: short(counts.leaf_visits),
+            wide_visits: short(counts.wide_visits),
         }
     }
 }

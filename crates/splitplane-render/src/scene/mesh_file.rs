@@ -56,15 +56,16 @@ impl Found {
 pub(crate) fn load(path: &Path, name: &str) -> Result<Scene, SceneError> {
     let file = path.display().to_string();
     let lower = file.to_ascii_lowercase();
-    let bytes = std::fs::read(path)
-        .map_err(|error| SceneError::file(&file, format!("cannot be read: {error}")))?;
+    let whole = || {
+        std::fs::read(path)
+            .map_err(|error| SceneError::file(&file, format!("cannot be read: {error}")))
+    };
     let (mut found, usual_up) = if lower.ends_with(".obj") {
-        (obj_scene(&file, path, &bytes)?, Up::Y)
+        (obj_scene(&file, path, &whole()?)?, Up::Y)
     } else if lower.ends_with(".stl") {
-        (Found::plain(stl(&file, bytes)?, 0, "STL"), Up::Z)
+        (Found::plain(stl(&file, whole()?)?, 0, "STL"), Up::Z)
     } else {
-        let mesh = ply::parse(&file, &bytes)?;
-        drop(bytes);
+        let mesh = ply::read(path)?;
         let mut found = Found::plain(mesh.geometry, mesh.concave, "PLY");
         if !mesh.colors.is_empty() {
             found.materials = vec![Material::Matte {
@@ -281,14 +282,8 @@ fn mtl(m: &tobj::Material, folder: &Path, found: &mut Found) -> Made {
             remap_roughness: false,
         }
     };
-    let numbers = m.unknown_param.get("Ke").map(|text| {
-        let words = text.split_whitespace();
-        words
-            .filter_map(|w| w.parse::<f32>().ok())
-            .collect::<Vec<_>>()
-    });
-    let light = match numbers.as_deref() {
-        Some(&[r, g, b]) if r.max(g).max(b) > 0.0 && (r + g + b).is_finite() => Some(AreaLight {
+    let light = match m.emissive {
+        Some([r, g, b]) if r.max(g).max(b) > 0.0 && (r + g + b).is_finite() => Some(AreaLight {
             radiance: [r, g, b].map(|c| c.max(0.0)),
             two_sided: false,
             after: 0,
