@@ -200,7 +200,7 @@ pub fn build(
 /// meanwhile, where that is known.
 ///
 /// # Errors
-/// As [`render`].
+/// As [`render()`].
 pub fn render_timed(
     scene: &Scene,
     built: &Built,
@@ -215,7 +215,7 @@ pub fn render_timed(
 /// Renders a scene with a tree that was built over its mesh, counting or not.
 ///
 /// # Errors
-/// As [`render`].
+/// As [`render()`].
 pub fn render_with(
     scene: &Scene,
     built: &Built,

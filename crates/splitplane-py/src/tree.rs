@@ -4,7 +4,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 use rayon::prelude::*;
-use splitplane::{Counters, Counts, Hit, Layout, Mesh, Ray, TreeChoice};
+use splitplane::{Counts, Hit, Layout, Mesh, Ray, TreeChoice};
 use splitplane_lab::{Built, CardRecord, Preset, Settings};
 
 use crate::batch::{self, CHUNK, array2, in_blocks, interruptible};
@@ -85,12 +85,12 @@ impl Tree {
         }
     }
 
-    fn closest_hits<'py, C: Counters + Copy + Default + Send + Sync>(
+    fn closest_hits<'py, C: Cost>(
         &self,
         py: Python<'py>,
         rays: &Rays<'_>,
         nthreads: usize,
-        counts: &mut [C],
+        costs: &mut [C],
     ) -> PyResult<Hits<'py>> {
         let count = rays.len();
         let mut t = vec![f32::INFINITY; count];
@@ -105,15 +105,16 @@ impl Tree {
                 triangle[block.clone()].par_chunks_mut(CHUNK),
                 uv[block.clone()].par_chunks_mut(CHUNK),
                 normal[block.clone()].par_chunks_mut(CHUNK),
-                counts[block.clone()].par_chunks_mut(CHUNK),
+                costs[block.clone()].par_chunks_mut(CHUNK),
             )
                 .into_par_iter()
                 .enumerate()
-                .for_each(|(chunk, (t, geometry, triangle, uv, normal, counts))| {
-                    let start = block.start + chunk * CHUNK;
-                    for i in 0..t.len() {
-                        let ray = rays.get(start + i);
-                        if let Some(hit) = self.built.tree.closest_hit(&ray, &mut counts[i]) {
+                .for_each(|(chunk, (t, geometry, triangle, uv, normal, costs))| {
+                    let rays = rays.chunk(block.start + chunk * CHUNK, t.len());
+                    let mut hits = vec![None; t.len()];
+                    C::closest_hits(&self.built.tree, &rays, &mut hits, costs);
+                    for (i, hit) in hits.iter().enumerate() {
+                        if let Some(hit) = hit {
                             let place = self.place(hit.triangle, hit.u, hit.v);
                             t[i] = hit.t;
                             geometry[i] = place.geometry;
@@ -133,25 +134,25 @@ impl Tree {
         ))
     }
 
-    fn any_hits<C: Counters + Copy + Default + Send + Sync>(
+    fn any_hits<C: Cost>(
         &self,
         py: Python<'_>,
         rays: &Rays<'_>,
         nthreads: usize,
-        counts: &mut [C],
+        costs: &mut [C],
     ) -> PyResult<Vec<bool>> {
         let mut found = vec![false; rays.len()];
         in_blocks(py, rays.len(), nthreads, |block| {
             let start = block.start;
             (
-                found[block.clone()].par_iter_mut(),
-                counts[block].par_iter_mut(),
+                found[block.clone()].par_chunks_mut(CHUNK),
+                costs[block].par_chunks_mut(CHUNK),
             )
                 .into_par_iter()
-                .with_min_len(CHUNK)
                 .enumerate()
-                .for_each(|(i, (found, counts))| {
-                    *found = self.built.tree.any_hit(&rays.get(start + i), counts);
+                .for_each(|(chunk, (found, costs))| {
+                    let rays = rays.chunk(start + chunk * CHUNK, found.len());
+                    C::any_hits(&self.built.tree, &rays, found, costs);
                 });
         })?;
         Ok(found)
@@ -174,6 +175,51 @@ impl Tree {
             all.par_extend(hits.filter(|(_, hits)| !hits.is_empty()));
         })?;
         Ok(all)
+    }
+}
+
+/// How the rays of a batch are cast: as the core's batches, or one by one, counting what each cost.
+trait Cost: Copy + Default + Send + Sync {
+    fn closest_hits(
+        tree: &splitplane::Tree,
+        rays: &[Ray],
+        hits: &mut [Option<Hit>],
+        costs: &mut [Self],
+    );
+    fn any_hits(tree: &splitplane::Tree, rays: &[Ray], hits: &mut [bool], costs: &mut [Self]);
+}
+
+impl Cost for () {
+    fn closest_hits(
+        tree: &splitplane::Tree,
+        rays: &[Ray],
+        hits: &mut [Option<Hit>],
+        _: &mut [Self],
+    ) {
+        tree.closest_hits(rays, hits);
+    }
+
+    fn any_hits(tree: &splitplane::Tree, rays: &[Ray], hits: &mut [bool], _: &mut [Self]) {
+        tree.any_hits(rays, hits);
+    }
+}
+
+impl Cost for Counts {
+    fn closest_hits(
+        tree: &splitplane::Tree,
+        rays: &[Ray],
+        hits: &mut [Option<Hit>],
+        costs: &mut [Self],
+    ) {
+        for ((ray, hit), cost) in rays.iter().zip(hits).zip(costs) {
+            *hit = tree.closest_hit(ray, cost);
+        }
+    }
+
+    fn any_hits(tree: &splitplane::Tree, rays: &[Ray], hits: &mut [bool], costs: &mut [Self]) {
+        for ((ray, hit), cost) in rays.iter().zip(hits).zip(costs) {
+            *hit = tree.any_hit(ray, cost);
+        }
     }
 }
 
@@ -205,6 +251,11 @@ impl<'a> Rays<'a> {
 
     fn len(&self) -> usize {
         self.numbers.len() / self.columns
+    }
+
+    /// That many rays in a row.
+    fn chunk(&self, start: usize, count: usize) -> Vec<Ray> {
+        (start..start + count).map(|i| self.get(i)).collect()
     }
 
     #[inline]

@@ -73,6 +73,10 @@ mod query;
 mod tree;
 
 #[doc = include_str!("../REFERENCES.md")]
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "keys of papers are in brackets, as they are where papers are cited"
+)]
 pub mod references {
     /// The page as text: a paragraph for each paper, `**[Key]** …`.
     pub const TEXT: &str = include_str!("../REFERENCES.md");

@@ -104,7 +104,8 @@ fn perimeter(polygon: &[[f64; 2]]) -> f64 {
 impl Tree {
     /// The tree and its mesh, cut by the plane across `axis` at the coordinate `offset` (in scene
     /// units), down to cells at depth `max_depth`; `u32::MAX`: to the leaves. Empty where the
-    /// plane does not meet the scene's box.
+    /// plane does not meet the scene's box. Of a tree in the wide layout, whose planes are gone,
+    /// there are the triangles alone.
     pub fn section(&self, axis: Axis, offset: f64, max_depth: u32) -> Section {
         let plane = Plane { axis, offset };
         let Some(bounds) = plane.meet_box(&self.bounds()) else {
@@ -114,11 +115,13 @@ impl Tree {
             bounds,
             ..Section::default()
         };
-        with_nodes!(self, nodes => if self.choice.spec.objects {
-            self.section_of_boxes(nodes, &plane, max_depth, &mut section);
-        } else {
-            self.section_of_cells(nodes, &plane, max_depth, &mut section);
-        });
+        if self.wide().is_none() {
+            with_nodes!(self, nodes => if self.choice.spec.objects {
+                self.section_of_boxes(nodes, &plane, max_depth, &mut section);
+            } else {
+                self.section_of_cells(nodes, &plane, max_depth, &mut section);
+            });
+        }
         section.triangles = (self.mesh.usable_triangles().iter())
             .filter_map(|&triangle| plane.meet_triangle(&self.mesh.corners(triangle)))
             .collect();
