@@ -1,6 +1,7 @@
 //! One tree: built, rendered with, and recorded.
 
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 use std::time::Instant;
 
 use splitplane::{BuildParams, Counts, Mesh, Progress, Traversal, Tree, TreeCard, TreeChoice};
@@ -39,16 +40,16 @@ impl Settings {
     }
 }
 
-/// A tree that was built, and how that went.
+/// A tree that was built or loaded, and how that went.
 #[derive(Clone, Debug)]
 pub struct Built {
     /// The tree.
     pub tree: Tree,
     /// What is known of it.
     pub card: TreeCard,
-    /// Time to build it, in seconds.
+    /// Time to build it, or to load it, in seconds.
     pub seconds: f64,
-    /// Threads that built it.
+    /// Threads that built or loaded it.
     pub threads: usize,
     /// The machine, and its load when the build began.
     pub machine: Machine,
@@ -193,6 +194,43 @@ pub fn build(
         threads: pool.current_num_threads(),
         machine,
         others_load,
+    })
+}
+
+/// Saves a tree, whole or not at all.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn save_tree(path: &Path, tree: &Tree) -> Result<(), LabError> {
+    tree.save(path).map_err(|source| LabError::Write {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// Loads a tree that was saved, over its mesh; the settings then have the parameters that it was
+/// built with.
+///
+/// # Errors
+/// The file cannot be read, is no saved tree, is damaged, or is that of another mesh.
+pub fn load_tree(path: &Path, mesh: &Mesh, settings: &mut Settings) -> Result<Built, LabError> {
+    let machine = Machine::now();
+    let load = OthersLoad::start();
+    let start = Instant::now();
+    let tree = Tree::load(path, mesh).map_err(|source| LabError::LoadTree {
+        path: path.to_owned(),
+        source,
+    })?;
+    let seconds = start.elapsed().as_secs_f64();
+    settings.params = tree.params().clone();
+    settings.preset = Preset::of(tree.params());
+    Ok(Built {
+        card: tree.card(),
+        tree: tree.with_traversal(settings.traversal),
+        seconds,
+        threads: 1,
+        machine,
+        others_load: load.stop(),
     })
 }
 

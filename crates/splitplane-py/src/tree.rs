@@ -1,11 +1,13 @@
 //! A tree and its batches of queries.
 
+use std::path::{Path, PathBuf};
+
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 use rayon::prelude::*;
-use splitplane::{Counts, Hit, Layout, Mesh, Ray, TreeChoice};
-use splitplane_lab::{Built, CardRecord, Preset, Settings};
+use splitplane::{Counts, Hit, Layout, LoadError, Mesh, Ray, TreeChoice};
+use splitplane_lab::{Built, CardRecord, LabError, Preset, Settings};
 
 use crate::batch::{self, CHUNK, array2, in_blocks, interruptible};
 use crate::scenes::Stop;
@@ -298,19 +300,50 @@ impl Tree {
         layout: &str,
         nthreads: usize,
     ) -> PyResult<Self> {
-        let triangles = triple(batch::rows(&triangles, "triangles", &[3])?.0);
-        let mesh = if let Ok(positions) = positions.extract::<PyReadonlyArray2<'_, f64>>() {
-            let positions = triple(batch::rows(&positions, "vertices", &[3])?.0);
-            Mesh::from_f64(&positions, triangles)
-        } else {
-            let positions = positions.extract::<PyReadonlyArray2<'_, f32>>()?;
-            Mesh::new(
-                triple(batch::rows(&positions, "vertices", &[3])?.0),
-                triangles,
-            )
-        };
-        let mesh = mesh.map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let mesh = mesh_of(positions, &triangles)?;
         Tree::over(py, &mesh, starts, (tree, layout), nthreads)
+    }
+
+    /// The tree in a file, over the same mesh as this one's would be; arguments as for the tree
+    /// that is built.
+    #[staticmethod]
+    fn load(
+        py: Python<'_>,
+        path: PathBuf,
+        positions: &Bound<'_, PyAny>,
+        triangles: PyReadonlyArray2<'_, u32>,
+        starts: Vec<u32>,
+    ) -> PyResult<Self> {
+        let mesh = mesh_of(positions, &triangles)?;
+        let mut settings = Settings::of_preset(Preset::Default);
+        let built = interruptible(py, |_| {
+            let built = splitplane_lab::load_tree(&path, &mesh, &mut settings);
+            built.map(|built| (built, settings))
+        })?;
+        let (built, settings) = built.map_err(|error| match error {
+            LabError::LoadTree {
+                source: LoadError::Read(source),
+                path,
+            } => io_error(source, &path),
+            error => PyValueError::new_err(error.to_string()),
+        })?;
+        Ok(Tree {
+            built,
+            settings,
+            starts,
+        })
+    }
+
+    /// Writes the tree to a file.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.detach(|| self.built.tree.save(&path))
+            .map_err(|error| io_error(error, &path))
+    }
+
+    /// How the nodes are stored.
+    #[getter]
+    fn layout(&self) -> &'static str {
+        self.built.tree.layout().name()
     }
 
     /// The position in space of the (0, 0, 0) that rays and points are counted from.
@@ -513,6 +546,30 @@ impl Tree {
     pub(crate) fn built(&self) -> &Built {
         &self.built
     }
+}
+
+/// The error as Python has it: FileNotFoundError, PermissionError and so on, with the file's name.
+fn io_error(error: std::io::Error, path: &Path) -> PyErr {
+    let text = format!("{}: {error}", path.display());
+    std::io::Error::new(error.kind(), text).into()
+}
+
+fn mesh_of(
+    positions: &Bound<'_, PyAny>,
+    triangles: &PyReadonlyArray2<'_, u32>,
+) -> PyResult<Mesh> {
+    let triangles = triple(batch::rows(triangles, "triangles", &[3])?.0);
+    let mesh = if let Ok(positions) = positions.extract::<PyReadonlyArray2<'_, f64>>() {
+        let positions = triple(batch::rows(&positions, "vertices", &[3])?.0);
+        Mesh::from_f64(&positions, triangles)
+    } else {
+        let positions = positions.extract::<PyReadonlyArray2<'_, f32>>()?;
+        Mesh::new(
+            triple(batch::rows(&positions, "vertices", &[3])?.0),
+            triangles,
+        )
+    };
+    mesh.map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
 /// Numbers by threes.
