@@ -74,6 +74,14 @@ fn names(spec: &TreeSpec) -> String {
 }
 
 fn planes(spec: &TreeSpec) -> String {
+    if spec.frames {
+        return "Across the axes of a frame: three directions at right angles. The world's is the \
+                first; others, up to 64 in all, come from the normals, by their areas: those that \
+                many triangles are across. A subtree goes on in another frame where its boxes are \
+                so much smaller there that it pays. A node is divided by a plane, which cuts \
+                triangles in two, or by the centres of their boxes, which leaves them whole."
+            .to_owned();
+    }
     if spec.objects {
         return "None: a node divides its triangles, not space. They are sorted along each axis by \
                 the centres of their boxes, and every division of that order is a candidate."
@@ -137,7 +145,10 @@ fn only_axes(spec: &TreeSpec) -> bool {
 }
 
 fn cells(spec: &TreeSpec) -> &'static str {
-    if spec.objects {
+    if spec.frames {
+        "Boxes in the frame of the node, around what of the triangles lies in it. They may overlap, \
+         and a triangle that was cut is in more than one leaf."
+    } else if spec.objects {
         "Boxes around the triangles of a node. They may overlap; each triangle is in one leaf."
     } else if only_axes(spec) {
         "Boxes. They fill the scene's box; a triangle is in every leaf that it touches."
@@ -147,7 +158,9 @@ fn cells(spec: &TreeSpec) -> &'static str {
 }
 
 fn node(spec: &TreeSpec) -> String {
-    let what = if spec.objects {
+    let what = if spec.frames {
+        "a box, the index of a frame, and that of the second child"
+    } else if spec.objects {
         "a box, and the index of the second child"
     } else if only_axes(spec) {
         "an axis, an offset, and the index of the child above"
@@ -167,6 +180,11 @@ fn node(spec: &TreeSpec) -> String {
 }
 
 fn price(spec: &TreeSpec) -> String {
+    if spec.frames {
+        return "By the SAH, as the wide layout sees it: testing up to eight triangles costs twice a \
+                visit of a node, and both count by the box's share of the node's surface."
+            .to_owned();
+    }
     let params = BuildParams::default();
     let test = measured_cost(params.intersection_cost);
     let kd = measured_cost(params.kd_traversal_cost);

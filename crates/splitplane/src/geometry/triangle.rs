@@ -10,6 +10,8 @@ pub(crate) struct Shear {
     direction: [f32; 3],
     /// The axes that become x, y and z: z is the one along which the ray goes furthest.
     pub(crate) axes: [usize; 3],
+    /// The origin along these axes.
+    pub(crate) turned_origin: [f32; 3],
     pub(crate) shear: [f32; 3],
 }
 
@@ -30,12 +32,30 @@ impl Shear {
             origin: ray.origin,
             direction: ray.direction,
             axes: [kx, ky, kz],
+            turned_origin: [ray.origin[kx], ray.origin[ky], ray.origin[kz]],
             shear: [d[kx] / d[kz], d[ky] / d[kz], 1.0 / d[kz]],
         }
     }
 
-    /// Where the ray's line meets the triangle, whatever the ray's interval; `triangle` is only
-    /// passed on.
+    /// A point as the ray sees it: beside the ray along x and y, and z along it.
+    #[inline(always)]
+    pub(crate) fn apply(&self, p: [f32; 3]) -> [f32; 3] {
+        let [kx, ky, kz] = self.axes;
+        let [sx, sy, _] = self.shear;
+        let [ox, oy, oz] = self.turned_origin;
+        let z = p[kz] - oz;
+        [(p[kx] - ox) - sx * z, (p[ky] - oy) - sy * z, z]
+    }
+
+    /// Where the ray's line meets the triangle of these corners.
+    #[inline(always)]
+    pub(crate) fn intersect(&self, corners: &[[f32; 3]; 3], triangle: u32) -> Option<Hit> {
+        let [a, b, c] = *corners;
+        self.meet(&[self.apply(a), self.apply(b), self.apply(c)], triangle)
+    }
+
+    /// Where the ray's line meets the triangle of these corners, which the shear has been applied
+    /// to, whatever the ray's interval; `triangle` is only passed on.
     ///
     /// The signs of the edge functions are exact for the sheared f32 vertices: a rounded product
     /// never changes the order of two products, and where two rounded products are equal, f64
@@ -45,19 +65,8 @@ impl Shear {
     /// f32 the t of a triangle that is seen edge-on can be off by much more than the rounding of
     /// its vertices, and a traversal that relies on t would then end too early.
     #[inline(always)]
-    pub(crate) fn intersect(&self, corners: &[[f32; 3]; 3], triangle: u32) -> Option<Hit> {
-        let [kx, ky, kz] = self.axes;
-        let [sx, sy, sz] = self.shear;
-        let o = self.origin;
-        let sheared = |p: &[f32; 3]| {
-            let z = p[kz] - o[kz];
-            ((p[kx] - o[kx]) - sx * z, (p[ky] - o[ky]) - sy * z, z)
-        };
-        let ((ax, ay, az), (bx, by, bz), (cx, cy, cz)) = (
-            sheared(&corners[0]),
-            sheared(&corners[1]),
-            sheared(&corners[2]),
-        );
+    pub(crate) fn meet(&self, sheared: &[[f32; 3]; 3], triangle: u32) -> Option<Hit> {
+        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = *sheared;
         let one_sided = |u: f32, v: f32, w: f32| {
             !((u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0))
         };
@@ -78,7 +87,7 @@ impl Shear {
         }
         let depth = u * wide(az) + v * wide(bz) + w * wide(cz);
         Some(Hit {
-            t: (depth * wide(sz) / determinant) as f32,
+            t: (depth * wide(self.shear[2]) / determinant) as f32,
             u: (v / determinant) as f32,
             v: (w / determinant) as f32,
             triangle,

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 
 use super::{InstanceHit, Placed};
 use crate::geometry::Ray;
-use crate::query::{Counters, Hit, Search};
+use crate::query::{Counters, Hit, Search, Triangle};
 
 /// Counts what the upper level does. Both levels count on one thread, but not in one place.
 pub(super) struct Upper<'a, 'b, C>(pub(super) &'a RefCell<&'b mut C>);
@@ -33,7 +33,8 @@ impl<F: Fn(&InstanceHit) -> bool, C: Counters> Search for Closest<'_, '_, F, C> 
         f64::from(self.ray.t_max)
     }
 
-    fn test(&mut self, instance: u32, _: &[[f32; 3]; 3]) -> ControlFlow<()> {
+    fn test(&mut self, triangle: &impl Triangle) -> ControlFlow<()> {
+        let instance = triangle.index();
         let Placed { tree, transform } = &self.placed[instance as usize];
         let accept = |hit: &Hit| {
             let found = InstanceHit {
@@ -69,7 +70,8 @@ impl<F: Fn(&InstanceHit) -> bool, C: Counters> Search for Any<'_, '_, F, C> {
         f64::from(self.ray.t_max)
     }
 
-    fn test(&mut self, instance: u32, _: &[[f32; 3]; 3]) -> ControlFlow<()> {
+    fn test(&mut self, triangle: &impl Triangle) -> ControlFlow<()> {
+        let instance = triangle.index();
         let Placed { tree, transform } = &self.placed[instance as usize];
         let accept = |hit: &Hit| {
             let found = InstanceHit {
@@ -105,7 +107,8 @@ impl<F: Fn(&InstanceHit) -> bool, C: Counters> Search for All<'_, '_, F, C> {
         f64::from(self.ray.t_max)
     }
 
-    fn test(&mut self, instance: u32, _: &[[f32; 3]; 3]) -> ControlFlow<()> {
+    fn test(&mut self, triangle: &impl Triangle) -> ControlFlow<()> {
+        let instance = triangle.index();
         let Placed { tree, transform } = &self.placed[instance as usize];
         let found = |&hit: &Hit| InstanceHit { hit, instance };
         let accept = |hit: &Hit| (self.accept)(&found(hit));

@@ -2,8 +2,10 @@
 
 use std::ops::ControlFlow;
 
-use super::traverse::Search;
-use super::{Counters, Hit, run};
+#[cfg(test)]
+use super::traverse::OfMesh;
+use super::traverse::{Search, Triangle};
+use super::{Aim, Counters, Hit, run};
 #[cfg(test)]
 use crate::geometry::Mesh;
 use crate::geometry::Ray;
@@ -12,9 +14,7 @@ use crate::tree::Tree;
 
 /// Collects hits; one for each reference that is met, since a leaf does not know the others.
 struct All<'a, F> {
-    shear: Shear,
-    t_min: f32,
-    t_max: f32,
+    aim: Aim<'a>,
     accept: F,
     hits: &'a mut Vec<Hit>,
 }
@@ -23,21 +23,19 @@ impl<F: Fn(&Hit) -> bool> Search for All<'_, F> {
     const NEAREST_FIRST: bool = false;
 
     #[inline(always)]
-    fn shear(&self) -> Option<&Shear> {
-        Some(&self.shear)
+    fn shear(&mut self) -> Option<&Shear> {
+        Some(self.aim.shear())
     }
 
     #[inline(always)]
     fn limit(&self) -> f64 {
-        f64::from(self.t_max)
+        f64::from(self.aim.ray.t_max)
     }
 
     #[inline(always)]
-    fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()> {
-        if let Some(hit) = self.shear.intersect(corners, triangle)
-            && hit.t > self.t_min
-            && hit.t <= self.t_max
-            && self.shear.meets_plane_beyond(self.t_min, corners)
+    fn test(&mut self, triangle: &impl Triangle) -> ControlFlow<()> {
+        let t_max = self.aim.ray.t_max;
+        if let Some(hit) = self.aim.meet(triangle, |t| t <= t_max)
             && (self.accept)(&hit)
         {
             self.hits.push(hit);
@@ -55,9 +53,7 @@ pub(crate) fn all_hits(
 ) {
     hits.clear();
     let mut search = All {
-        shear: Shear::of(ray),
-        t_min: ray.t_min,
-        t_max: ray.t_max,
+        aim: Aim::new(ray),
         accept,
         hits,
     };
@@ -77,14 +73,12 @@ fn sort(hits: &mut Vec<Hit>) {
 pub(super) fn test_all(mesh: &Mesh, ray: &Ray) -> Vec<Hit> {
     let mut hits = Vec::new();
     let mut search = All {
-        shear: Shear::of(ray),
-        t_min: ray.t_min,
-        t_max: ray.t_max,
+        aim: Aim::new(ray),
         accept: |_: &Hit| true,
         hits: &mut hits,
     };
-    for &triangle in mesh.usable_triangles() {
-        let _ = search.test(triangle, &mesh.corners(triangle));
+    for &index in mesh.usable_triangles() {
+        let _ = search.test(&OfMesh { mesh, index });
     }
     sort(&mut hits);
     hits

@@ -10,43 +10,77 @@ use crate::tree::Tree;
 /// Rays that one thread takes at a time.
 const CHUNK: usize = 1024;
 
-pub(crate) fn closest_hits(tree: &Tree, rays: &[Ray], hits: &mut [Option<Hit>]) {
-    let search = |ray: &Ray| Closest::new(ray, accept_all as fn(&Hit) -> bool);
-    each(tree, rays, hits, search, |search| search.found());
+/// What many rays are asked.
+pub(super) trait Question {
+    type Search<'r>: Search;
+    type Answer: Send;
+    fn search(ray: &Ray) -> Self::Search<'_>;
+    fn answer(search: &Self::Search<'_>) -> Self::Answer;
 }
 
-pub(crate) fn any_hits(tree: &Tree, rays: &[Ray], hits: &mut [bool]) {
-    let search = |ray: &Ray| Any::new(ray, accept_all as fn(&Hit) -> bool);
-    each(tree, rays, hits, search, |search| search.found);
+struct ClosestHit;
+
+impl Question for ClosestHit {
+    type Search<'r> = Closest<'r, fn(&Hit) -> bool>;
+    type Answer = Option<Hit>;
+
+    #[inline(always)]
+    fn search(ray: &Ray) -> Self::Search<'_> {
+        Closest::new(ray, accept_all)
+    }
+
+    #[inline(always)]
+    fn answer(search: &Self::Search<'_>) -> Option<Hit> {
+        search.found()
+    }
+}
+
+struct AnyHit;
+
+impl Question for AnyHit {
+    type Search<'r> = Any<'r, fn(&Hit) -> bool>;
+    type Answer = bool;
+
+    #[inline(always)]
+    fn search(ray: &Ray) -> Self::Search<'_> {
+        Any::new(ray, accept_all)
+    }
+
+    #[inline(always)]
+    fn answer(search: &Self::Search<'_>) -> bool {
+        search.found
+    }
 }
 
 fn accept_all(_: &Hit) -> bool {
     true
 }
 
-/// A search for each ray, and what it found.
-fn each<S: Search, T: Send>(
-    tree: &Tree,
-    rays: &[Ray],
-    hits: &mut [T],
-    search: impl Fn(&Ray) -> S + Sync,
-    found: impl Fn(&S) -> T + Sync,
-) {
-    assert_eq!(rays.len(), hits.len(), "as many hits as rays");
-    let chunk = |rays: &[Ray], hits: &mut [T]| match tree.wide() {
-        Some(wide) => wide::traverse_all(wide, rays, hits, &search, &found),
-        None => {
-            for (ray, hit) in rays.iter().zip(hits) {
-                let mut search = search(ray);
-                run(tree, ray, &mut search, &mut ());
-                *hit = found(&search);
-            }
-        }
-    };
+pub(crate) fn closest_hits(tree: &Tree, rays: &[Ray], hits: &mut [Option<Hit>]) {
+    each::<ClosestHit>(tree, rays, hits);
+}
+
+pub(crate) fn any_hits(tree: &Tree, rays: &[Ray], hits: &mut [bool]) {
+    each::<AnyHit>(tree, rays, hits);
+}
+
+fn each<Q: Question>(tree: &Tree, rays: &[Ray], answers: &mut [Q::Answer]) {
+    assert_eq!(rays.len(), answers.len(), "as many hits as rays");
     if rays.len() <= CHUNK {
-        return chunk(rays, hits);
+        return chunk::<Q>(tree, rays, answers);
     }
     (rays.par_chunks(CHUNK))
-        .zip(hits.par_chunks_mut(CHUNK))
-        .for_each(|(rays, hits)| chunk(rays, hits));
+        .zip(answers.par_chunks_mut(CHUNK))
+        .for_each(|(rays, answers)| chunk::<Q>(tree, rays, answers));
+}
+
+fn chunk<Q: Question>(tree: &Tree, rays: &[Ray], answers: &mut [Q::Answer]) {
+    if let Some(wide) = tree.wide() {
+        return wide::traverse_all::<Q>(wide, rays, answers);
+    }
+    for (ray, answer) in rays.iter().zip(answers) {
+        let mut search = Q::search(ray);
+        run(tree, ray, &mut search, &mut ());
+        *answer = Q::answer(&search);
+    }
 }

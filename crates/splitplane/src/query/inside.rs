@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 
 use robust::{Coord, Coord3D, orient2d, orient3d};
 
-use super::traverse::Search;
+use super::traverse::{Search, Triangle};
 use super::{Counters, Traversal, run_in};
 use crate::geometry::Ray;
 use crate::query::Place;
@@ -24,9 +24,9 @@ impl Search for Crossings {
     }
 
     #[inline(always)]
-    fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()> {
-        if is_above(corners, self.point) {
-            self.above.push(triangle);
+    fn test(&mut self, triangle: &impl Triangle) -> ControlFlow<()> {
+        if is_above(&triangle.corners(), self.point) {
+            self.above.push(triangle.index());
         }
         ControlFlow::Continue(())
     }

@@ -21,7 +21,7 @@ pub(crate) use inside::contains;
 pub use nearby::ClosestPoint;
 pub(crate) use nearby::{closest_point, overlaps_region, overlaps_sphere};
 use traverse::traverse;
-pub(crate) use traverse::{Place, Search};
+pub(crate) use traverse::{Place, Search, Triangle};
 
 /// Where a ray meets the mesh.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -133,19 +133,47 @@ impl std::ops::Sub for Counts {
     }
 }
 
+/// A ray, and its part of the ray-triangle test once that is asked for: many rays never meet a
+/// leaf.
+struct Aim<'r> {
+    ray: &'r Ray,
+    shear: Option<Shear>,
+}
+
+impl<'r> Aim<'r> {
+    #[inline(always)]
+    fn new(ray: &'r Ray) -> Self {
+        Aim { ray, shear: None }
+    }
+
+    #[inline(always)]
+    fn shear(&mut self) -> &Shear {
+        self.shear.get_or_insert_with(|| Shear::of(self.ray))
+    }
+
+    /// Where the ray meets a triangle beyond its `t_min`, if `wanted` there.
+    #[inline(always)]
+    fn meet(&mut self, triangle: &impl Triangle, wanted: impl FnOnce(f32) -> bool) -> Option<Hit> {
+        let t_min = self.ray.t_min;
+        let shear = self.shear();
+        let hit = shear.meet(&triangle.sheared(shear), triangle.index())?;
+        (hit.t > t_min && wanted(hit.t) && shear.meets_plane_beyond(t_min, &triangle.corners()))
+            .then_some(hit)
+    }
+}
+
 /// The nearest of the hits that `accept` takes.
-struct Closest<F> {
-    shear: Shear,
-    t_min: f32,
+struct Closest<'r, F> {
+    aim: Aim<'r>,
     best: Hit,
     accept: F,
 }
 
-impl<F: Fn(&Hit) -> bool> Closest<F> {
-    fn new(ray: &Ray, accept: F) -> Self {
+impl<'r, F: Fn(&Hit) -> bool> Closest<'r, F> {
+    #[inline(always)]
+    fn new(ray: &'r Ray, accept: F) -> Self {
         Closest {
-            shear: Shear::of(ray),
-            t_min: ray.t_min,
+            aim: Aim::new(ray),
             best: Hit {
                 t: ray.t_max,
                 u: 0.0,
@@ -156,17 +184,18 @@ impl<F: Fn(&Hit) -> bool> Closest<F> {
         }
     }
 
+    #[inline(always)]
     fn found(&self) -> Option<Hit> {
         (self.best.triangle != NONE).then_some(self.best)
     }
 }
 
-impl<F: Fn(&Hit) -> bool> Search for Closest<F> {
+impl<F: Fn(&Hit) -> bool> Search for Closest<'_, F> {
     const NEAREST_FIRST: bool = true;
 
     #[inline(always)]
-    fn shear(&self) -> Option<&Shear> {
-        Some(&self.shear)
+    fn shear(&mut self) -> Option<&Shear> {
+        Some(self.aim.shear())
     }
 
     #[inline(always)]
@@ -175,11 +204,10 @@ impl<F: Fn(&Hit) -> bool> Search for Closest<F> {
     }
 
     #[inline(always)]
-    fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()> {
-        if let Some(hit) = self.shear.intersect(corners, triangle)
-            && hit.t > self.t_min
-            && (hit.t < self.best.t || hit.t == self.best.t && triangle < self.best.triangle)
-            && self.shear.meets_plane_beyond(self.t_min, corners)
+    fn test(&mut self, triangle: &impl Triangle) -> ControlFlow<()> {
+        let best = &self.best;
+        let wanted = |t: f32| t < best.t || t == best.t && triangle.index() < best.triangle;
+        if let Some(hit) = self.aim.meet(triangle, wanted)
             && (self.accept)(&hit)
         {
             self.best = hit;
@@ -189,45 +217,40 @@ impl<F: Fn(&Hit) -> bool> Search for Closest<F> {
 }
 
 /// Whether there is a hit that `accept` takes.
-struct Any<F> {
-    shear: Shear,
-    t_min: f32,
-    t_max: f32,
+struct Any<'r, F> {
+    aim: Aim<'r>,
     found: bool,
     accept: F,
 }
 
-impl<F: Fn(&Hit) -> bool> Any<F> {
-    fn new(ray: &Ray, accept: F) -> Self {
+impl<'r, F: Fn(&Hit) -> bool> Any<'r, F> {
+    #[inline(always)]
+    fn new(ray: &'r Ray, accept: F) -> Self {
         Any {
-            shear: Shear::of(ray),
-            t_min: ray.t_min,
-            t_max: ray.t_max,
+            aim: Aim::new(ray),
             found: false,
             accept,
         }
     }
 }
 
-impl<F: Fn(&Hit) -> bool> Search for Any<F> {
+impl<F: Fn(&Hit) -> bool> Search for Any<'_, F> {
     const NEAREST_FIRST: bool = false;
 
     #[inline(always)]
-    fn shear(&self) -> Option<&Shear> {
-        Some(&self.shear)
+    fn shear(&mut self) -> Option<&Shear> {
+        Some(self.aim.shear())
     }
 
     #[inline(always)]
     fn limit(&self) -> f64 {
-        f64::from(self.t_max)
+        f64::from(self.aim.ray.t_max)
     }
 
     #[inline(always)]
-    fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()> {
-        if let Some(hit) = self.shear.intersect(corners, triangle)
-            && hit.t > self.t_min
-            && hit.t <= self.t_max
-            && self.shear.meets_plane_beyond(self.t_min, corners)
+    fn test(&mut self, triangle: &impl Triangle) -> ControlFlow<()> {
+        let t_max = self.aim.ray.t_max;
+        if let Some(hit) = self.aim.meet(triangle, |t| t <= t_max)
             && (self.accept)(&hit)
         {
             self.found = true;

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::traverse::Search;
+use super::traverse::{OfMesh, Search, Triangle};
 use super::{Counters, NONE};
 use crate::build::BuildParams;
 use crate::geometry::proximity::{Nearest, nearest_on_triangle, overlaps_box};
@@ -225,9 +225,9 @@ fn approach<N: Layout>(
             }
             View::Leaf(leaf) => {
                 counters.leaf_visit(leaf.count);
-                for &triangle in leaf.triangles(references) {
+                for &index in leaf.triangles(references) {
                     counters.triangle_tests(1);
-                    if search.test(triangle, &mesh.corners(triangle)).is_break() {
+                    if search.test(&OfMesh { mesh, index }).is_break() {
                         return;
                     }
                 }
@@ -311,8 +311,8 @@ fn approach_wide<S: Search>(
             Child::Leaf { start, count } => {
                 counters.leaf_visit(count as u32);
                 counters.triangle_tests(count as u32);
-                for &triangle in &wide.triangles[start..start + count] {
-                    if search.test(triangle, &mesh.corners(triangle)).is_break() {
+                for &index in &wide.triangles[start..start + count] {
+                    if search.test(&OfMesh { mesh, index }).is_break() {
                         return;
                     }
                 }
@@ -351,8 +351,9 @@ impl Search for Closest {
     }
 
     #[inline(always)]
-    fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()> {
-        let near = nearest_on_triangle(self.point, corners);
+    fn test(&mut self, triangle: &impl Triangle) -> ControlFlow<()> {
+        let near = nearest_on_triangle(self.point, &triangle.corners());
+        let triangle = triangle.index();
         if near.squared < self.best.squared
             || near.squared == self.best.squared && triangle < self.triangle
         {
@@ -408,9 +409,9 @@ impl<F: Fn(&[[f32; 3]; 3]) -> bool> Search for Overlaps<F> {
     }
 
     #[inline(always)]
-    fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()> {
-        if (self.overlaps)(corners) {
-            self.found.push(triangle);
+    fn test(&mut self, triangle: &impl Triangle) -> ControlFlow<()> {
+        if (self.overlaps)(&triangle.corners()) {
+            self.found.push(triangle.index());
         }
         ControlFlow::Continue(())
     }

@@ -7,20 +7,29 @@
 /// Eight f32.
 pub(super) trait Lanes: Copy {
     fn splat(value: f32) -> Self;
-    /// The first eight of `from`, which has as many.
-    fn load(from: &[f32]) -> Self;
+    fn load(from: &[f32; 8]) -> Self;
+    fn add(self, other: Self) -> Self;
     fn sub(self, other: Self) -> Self;
     fn mul(self, other: Self) -> Self;
     /// The larger one of each pair; `other` where either is NaN.
     fn max(self, other: Self) -> Self;
     /// The smaller one of each pair; `other` where either is NaN.
     fn min(self, other: Self) -> Self;
+    /// Without their signs.
+    fn abs(self) -> Self;
+    /// Negative where one of both is, not both, by their bits.
+    fn times_sign(self, other: Self) -> Self;
     /// A bit for each pair that is ordered so.
     fn le(self, other: Self) -> u32;
     /// A bit for each pair that is ordered so.
     fn lt(self, other: Self) -> u32;
     fn to_array(self) -> [f32; 8];
+    /// Asks for the lines of memory that something lies in, since it will be needed soon.
+    fn prefetch<T>(what: &T);
 }
+
+/// The bit of the sign.
+const SIGN: u32 = 1 << 31;
 
 /// Eight f32 for any machine.
 #[derive(Clone, Copy)]
@@ -44,12 +53,26 @@ impl Lanes for Portable {
         Portable([value; 8])
     }
     #[inline(always)]
-    fn load(from: &[f32]) -> Self {
-        Portable(std::array::from_fn(|i| from[i]))
+    fn load(from: &[f32; 8]) -> Self {
+        Portable(*from)
+    }
+    #[inline(always)]
+    fn add(self, other: Self) -> Self {
+        self.zip(other, |a, b| a + b)
     }
     #[inline(always)]
     fn sub(self, other: Self) -> Self {
         self.zip(other, |a, b| a - b)
+    }
+    #[inline(always)]
+    fn abs(self) -> Self {
+        self.zip(self, |a, _| a.abs())
+    }
+    #[inline(always)]
+    fn times_sign(self, other: Self) -> Self {
+        self.zip(other, |a, b| {
+            f32::from_bits(a.to_bits() ^ b.to_bits() & SIGN)
+        })
     }
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
@@ -75,6 +98,8 @@ impl Lanes for Portable {
     fn to_array(self) -> [f32; 8] {
         self.0
     }
+    #[inline(always)]
+    fn prefetch<T>(_: &T) {}
 }
 
 /// Runs a generic function on the lanes of the machine.
@@ -140,10 +165,24 @@ mod avx2 {
             Avx2(unsafe { _mm256_set1_ps(value) })
         }
         #[inline(always)]
-        fn load(from: &[f32]) -> Self {
-            let from = &from[..8];
+        fn load(from: &[f32; 8]) -> Self {
             // SAFETY: see `Avx2`; there are eight numbers.
             Avx2(unsafe { _mm256_loadu_ps(from.as_ptr()) })
+        }
+        #[inline(always)]
+        fn add(self, other: Self) -> Self {
+            // SAFETY: see `Avx2`.
+            Avx2(unsafe { _mm256_add_ps(self.0, other.0) })
+        }
+        #[inline(always)]
+        fn abs(self) -> Self {
+            // SAFETY: see `Avx2`.
+            Avx2(unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), self.0) })
+        }
+        #[inline(always)]
+        fn times_sign(self, other: Self) -> Self {
+            // SAFETY: see `Avx2`.
+            Avx2(unsafe { _mm256_xor_ps(self.0, _mm256_and_ps(_mm256_set1_ps(-0.0), other.0)) })
         }
         #[inline(always)]
         fn sub(self, other: Self) -> Self {
@@ -181,6 +220,14 @@ mod avx2 {
             // SAFETY: see `Avx2`; there is room for eight numbers.
             unsafe { _mm256_storeu_ps(array.as_mut_ptr(), self.0) };
             array
+        }
+        #[inline(always)]
+        fn prefetch<T>(what: &T) {
+            let start = std::ptr::from_ref(what).cast::<i8>();
+            for line in 0..size_of::<T>().div_ceil(64) {
+                // SAFETY: see `Avx2`; it is within what is there.
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(start.add(64 * line)) };
+            }
         }
     }
 }

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use super::{Counters, Traversal};
 use crate::build::BuildParams;
 use crate::geometry::triangle::Shear;
-use crate::geometry::{Aabb, Frame, Ray};
+use crate::geometry::{Aabb, Frame, Mesh, Ray};
 use crate::tree::Tree;
 use crate::tree::nodes::{Layout, View};
 
@@ -18,11 +18,44 @@ pub(crate) trait Search {
     /// The ray's part of the ray-triangle test, where triangles that it misses need not be tested;
     /// `None` where all of a leaf are to be.
     #[inline(always)]
-    fn shear(&self) -> Option<&Shear> {
+    fn shear(&mut self) -> Option<&Shear> {
         None
     }
-    /// Tests a triangle of these corners; breaks when the answer is known.
-    fn test(&mut self, triangle: u32, corners: &[[f32; 3]; 3]) -> ControlFlow<()>;
+    /// Tests a triangle; breaks when the answer is known.
+    fn test(&mut self, triangle: &impl Triangle) -> ControlFlow<()>;
+}
+
+/// A triangle that is to be tested.
+pub(crate) trait Triangle {
+    /// Its index in the mesh.
+    fn index(&self) -> u32;
+    fn corners(&self) -> [[f32; 3]; 3];
+    /// The corners, with the shear applied to them.
+    fn sheared(&self, shear: &Shear) -> [[f32; 3]; 3];
+}
+
+/// A triangle as the mesh has it.
+pub(super) struct OfMesh<'a> {
+    pub(super) mesh: &'a Mesh,
+    pub(super) index: u32,
+}
+
+impl Triangle for OfMesh<'_> {
+    #[inline(always)]
+    fn index(&self) -> u32 {
+        self.index
+    }
+
+    #[inline(always)]
+    fn corners(&self) -> [[f32; 3]; 3] {
+        self.mesh.corners(self.index)
+    }
+
+    #[inline(always)]
+    fn sheared(&self, shear: &Shear) -> [[f32; 3]; 3] {
+        let [a, b, c] = self.corners();
+        [shear.apply(a), shear.apply(b), shear.apply(c)]
+    }
 }
 
 /// What of a tree decides where a ray may meet a triangle.
@@ -263,9 +296,9 @@ pub(super) fn traverse<N: Layout>(
             }
             View::Leaf(leaf) => {
                 counters.leaf_visit(leaf.count);
-                for &triangle in leaf.triangles(references) {
+                for &index in leaf.triangles(references) {
                     counters.triangle_tests(1);
-                    if search.test(triangle, &mesh.corners(triangle)).is_break() {
+                    if search.test(&OfMesh { mesh, index }).is_break() {
                         return;
                     }
                 }

@@ -10,13 +10,15 @@
 #![allow(unsafe_code)]
 
 use std::mem::MaybeUninit;
+use std::ops::ControlFlow;
 
 use glam::Vec3A;
 
 use super::Counters;
+use super::batch::Question;
 use super::simd::{Instructions, Lanes, Task};
-use super::traverse::Search;
-use crate::geometry::frame::{round_down, round_up};
+use super::traverse::{Search, Triangle};
+use crate::geometry::frame::round_up;
 use crate::geometry::triangle::Shear;
 use crate::geometry::{Frame, Ray};
 use crate::tree::wide::{Child, Link, MAX_DEPTH, MAX_FRAMES, WIDTH, Wide, WideNode};
@@ -51,8 +53,43 @@ struct FrameRay {
     /// the ray enters, and for that where it leaves.
     entry: [f32; 3],
     exit: [f32; 3],
-    /// The rows of a node's boxes where the ray enters; it leaves in the others.
-    entry_rows: [usize; 3],
+    /// The rows of a node's boxes where the ray enters, and those where it leaves.
+    entry_rows: [Row; 3],
+    exit_rows: [Row; 3],
+}
+
+/// A row of a node's boxes: 0 to 5.
+#[derive(Clone, Copy)]
+struct Row(usize);
+
+impl Row {
+    #[inline(always)]
+    const fn low(axis: usize) -> Row {
+        assert!(axis < 3);
+        Row(axis)
+    }
+
+    #[inline(always)]
+    const fn high(axis: usize) -> Row {
+        assert!(axis < 3);
+        Row(axis + 3)
+    }
+
+    /// Where a ray enters boxes along an axis, and where it leaves them.
+    #[inline(always)]
+    fn pair<const AXIS: usize>(backwards: bool) -> (Row, Row) {
+        let (low, high) = const { (Row::low(AXIS), Row::high(AXIS)) };
+        match backwards {
+            false => (low, high),
+            true => (high, low),
+        }
+    }
+
+    #[inline(always)]
+    fn of(self, node: &WideNode) -> &[f32; WIDTH] {
+        // SAFETY: a node has six rows, and a `Row` is made only by `low` and `high`.
+        unsafe { node.bounds.get_unchecked(self.0) }
+    }
 }
 
 /// A ray as the traversal sees it: relative to the centre of the scene, and with t in multiples of
@@ -62,7 +99,7 @@ struct Line {
     direction: Vec3A,
     margin: f32,
     /// t of the traversal over t of the ray.
-    scale: f64,
+    scale: f32,
 }
 
 impl Line {
@@ -74,8 +111,7 @@ impl Line {
         let reach = origin.abs().max_element() + wide.half_extent;
         let (direction, scale) = if (LOW_EXPONENT..HIGH_EXPONENT).contains(&exponent) {
             let per_scale = f32::from_bits((2 * 127 - exponent) << 23);
-            let scale = f64::from_bits(u64::from(exponent + 1023 - 127) << 52);
-            (direction * per_scale, scale)
+            (direction * per_scale, f32::from_bits(exponent << 23))
         } else {
             extreme(ray.direction)
         };
@@ -86,6 +122,18 @@ impl Line {
             margin: BOX_ERROR * (0.5 * f32::EPSILON * reach + f32::from_bits(1)),
             scale,
         }
+    }
+
+    /// No less than a t of the ray. It is multiplied exactly, unless it gets too small to be normal.
+    #[inline(always)]
+    fn t_above(&self, t: f64) -> f32 {
+        round_up(t) * self.scale + f32::MIN_POSITIVE
+    }
+
+    /// No more than a t of the ray.
+    #[inline(always)]
+    fn t_below(&self, t: f32) -> f32 {
+        t * self.scale - f32::MIN_POSITIVE
     }
 
     #[inline(always)]
@@ -107,21 +155,21 @@ impl Line {
                 inverse: [1e30; 3],
                 entry: [1e30; 3],
                 exit: [-1e30; 3],
-                entry_rows: [0, 1, 2],
+                entry_rows: [Row::low(0), Row::low(1), Row::low(2)],
+                exit_rows: [Row::high(0), Row::high(1), Row::high(2)],
             };
         }
         let size = direction.abs().max(Vec3A::splat(SMALLEST));
         let margin = Vec3A::splat(self.margin).copysign(direction);
-        let row = |axis: usize, d: f32| axis + if d.is_sign_negative() { 3 } else { 0 };
+        let (entry_x, exit_x) = Row::pair::<0>(direction.x.is_sign_negative());
+        let (entry_y, exit_y) = Row::pair::<1>(direction.y.is_sign_negative());
+        let (entry_z, exit_z) = Row::pair::<2>(direction.z.is_sign_negative());
         FrameRay {
             inverse: (Vec3A::ONE / size.copysign(direction)).to_array(),
             entry: (origin + margin).to_array(),
             exit: (origin - margin).to_array(),
-            entry_rows: [
-                row(0, direction.x),
-                row(1, direction.y),
-                row(2, direction.z),
-            ],
+            entry_rows: [entry_x, entry_y, entry_z],
+            exit_rows: [exit_x, exit_y, exit_z],
         }
     }
 }
@@ -129,14 +177,14 @@ impl Line {
 /// A direction with components that are so large or small that their power of two or its inverse
 /// is no normal f32: over its power of two, and that power.
 #[cold]
-fn extreme(direction: [f32; 3]) -> (Vec3A, f64) {
+fn extreme(direction: [f32; 3]) -> (Vec3A, f32) {
     let direction = glam::Vec3::from(direction).as_dvec3();
     // An f32 is a normal f64.
     let exponent = direction.abs().max_element().to_bits() >> 52;
     let per_scale = f64::from_bits((2 * 1023 - exponent) << 52);
     (
         (direction * per_scale).as_vec3a(),
-        f64::from_bits(exponent << 52),
+        f64::from_bits(exponent << 52) as f32,
     )
 }
 
@@ -180,58 +228,166 @@ impl Space {
     };
 }
 
-/// The first part of the triangle test, on eight triangles: [`Shear::intersect`] up to the signs of
-/// the edge functions.
-struct Edges<L> {
-    axes: [usize; 3],
-    origin: [L; 3],
-    shear: [L; 2],
+/// What rounding may do to t in [`Block::candidates`], in units of ε/2 times a bound of all
+/// products. With products of x and y up to P, z up to Z, an edge function is off by 4 P, the
+/// determinant by 24 P and t times the determinant by 36 P Z; so much again for what is computed
+/// from them, and for t being rounded at last.
+const T_ERROR: f32 = 64.0 * 0.5 * f32::EPSILON;
+
+/// The corners of the triangles of a leaf, as in [`Wide::corners`].
+#[derive(Clone, Copy)]
+struct Rows<'a> {
+    /// Nine rows of `count`, and eight numbers more.
+    values: &'a [f32],
+    count: usize,
 }
 
-impl<L: Lanes> Edges<L> {
+impl<'a> Rows<'a> {
     #[inline(always)]
-    fn new(shear: Option<&Shear>) -> Self {
-        let Some(shear) = shear else {
-            return Edges {
-                axes: [0; 3],
-                origin: [L::splat(0.0); 3],
-                shear: [L::splat(0.0); 2],
-            };
-        };
-        Edges {
-            axes: shear.axes,
-            origin: [
-                L::splat(shear.origin[shear.axes[0]]),
-                L::splat(shear.origin[shear.axes[1]]),
-                L::splat(shear.origin[shear.axes[2]]),
-            ],
-            shear: [L::splat(shear.shear[0]), L::splat(shear.shear[1])],
+    fn new(wide: &'a Wide, start: usize, count: usize) -> Self {
+        Rows {
+            values: &wide.corners[9 * start..9 * (start + count) + WIDTH],
+            count,
         }
     }
 
-    /// Corners of eight triangles, sheared.
+    /// A row, by a corner and an axis, and what follows it.
     #[inline(always)]
-    fn corner(&self, rows: &[f32], count: usize) -> (L, L) {
-        let [kx, ky, kz] = self.axes;
-        let z = L::load(&rows[kz * count..]).sub(self.origin[2]);
-        let x = L::load(&rows[kx * count..]).sub(self.origin[0]);
-        let y = L::load(&rows[ky * count..]).sub(self.origin[1]);
-        (x.sub(self.shear[0].mul(z)), y.sub(self.shear[1].mul(z)))
+    fn eight(&self, corner: usize, axis: usize) -> &[f32; WIDTH] {
+        let at = (3 * corner + axis) * self.count;
+        debug_assert!(corner < 3 && axis < 3 && at + WIDTH <= self.values.len());
+        // SAFETY: corners and axes are below 3, and behind each of nine rows there are eight
+        // numbers.
+        unsafe { &*self.values.as_ptr().add(at).cast() }
     }
 
-    /// A bit for each triangle that the ray may hit; `rows` as in [`Wide::corners`].
     #[inline(always)]
-    fn candidates(&self, rows: &[f32], count: usize) -> u32 {
-        let (ax, ay) = self.corner(&rows[..3 * count + WIDTH], count);
-        let (bx, by) = self.corner(&rows[3 * count..6 * count + WIDTH], count);
-        let (cx, cy) = self.corner(&rows[6 * count..9 * count + WIDTH], count);
+    fn corners(&self, slot: usize) -> [[f32; 3]; 3] {
+        let mut corners = [[0.0; 3]; 3];
+        for (row, value) in corners.as_flattened_mut().iter_mut().enumerate() {
+            *value = self.values[row * self.count + slot];
+        }
+        corners
+    }
+}
+
+/// Up to eight triangles of a leaf, their corners sheared.
+struct Block<L> {
+    corners: [[L; 3]; 3],
+}
+
+impl<L: Lanes> Block<L> {
+    #[inline(always)]
+    fn new(shear: &Shear, rows: Rows) -> Self {
+        Block {
+            corners: [
+                Self::corner(shear, rows, 0),
+                Self::corner(shear, rows, 1),
+                Self::corner(shear, rows, 2),
+            ],
+        }
+    }
+
+    /// As [`Shear::apply`].
+    #[inline(always)]
+    fn corner(shear: &Shear, rows: Rows, corner: usize) -> [L; 3] {
+        let [kx, ky, kz] = shear.axes;
+        let [ox, oy, oz] = shear.turned_origin;
+        let z = L::load(rows.eight(corner, kz)).sub(L::splat(oz));
+        let x = L::load(rows.eight(corner, kx)).sub(L::splat(ox));
+        let y = L::load(rows.eight(corner, ky)).sub(L::splat(oy));
+        [
+            x.sub(L::splat(shear.shear[0]).mul(z)),
+            y.sub(L::splat(shear.shear[1]).mul(z)),
+            z,
+        ]
+    }
+
+    /// A bit for each triangle that the ray may hit between `t_min` and `t_max`: those that
+    /// [`Shear::meet`] cannot refuse by the signs of the f32 edge functions, nor by a t that is
+    /// off by more than rounding.
+    #[inline(always)]
+    fn candidates(&self, shear: &Shear, (t_min, t_max): (f32, f32)) -> u32 {
+        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = self.corners;
         let u = cx.mul(by).sub(cy.mul(bx));
         let v = ax.mul(cy).sub(ay.mul(cx));
         let w = bx.mul(ay).sub(by.mul(ax));
         let zero = L::splat(0.0);
         let negative = u.min(v).min(w).lt(zero);
         let positive = zero.lt(u.max(v).max(w));
-        !(negative & positive) & ((1 << count) - 1)
+        let met = !(negative & positive);
+        if met & 0xff == 0 {
+            return 0;
+        }
+        let along = L::splat(shear.shear[2]);
+        let determinant = u.add(v).add(w);
+        let t = u
+            .mul(az)
+            .add(v.mul(bz))
+            .add(w.mul(cz))
+            .mul(along)
+            .times_sign(determinant);
+        let determinant = determinant.abs();
+        let tiny = L::splat(f32::MIN_POSITIVE);
+        let x = ax.abs().max(bx.abs()).max(cx.abs());
+        let y = ay.abs().max(by.abs()).max(cy.abs());
+        let z = az.abs().max(bz.abs()).max(cz.abs());
+        let product = x.mul(y).add(tiny);
+        let t_slack = product
+            .mul(z.mul(along.abs()))
+            .add(tiny)
+            .mul(L::splat(T_ERROR));
+        let slack = product.mul(L::splat(T_ERROR));
+        let (first, last) = (L::splat(t_min), L::splat(t_max));
+        let lowest = first.mul(determinant).sub(first.abs().mul(slack));
+        let highest = last.mul(determinant).add(last.abs().mul(slack));
+        let before = t.add(t_slack).lt(lowest);
+        let behind = highest.lt(t.sub(t_slack));
+        let sure = slack.lt(determinant);
+        met & !(sure & (before | behind))
+    }
+
+    #[inline(always)]
+    fn to_arrays(&self) -> [[[f32; WIDTH]; 3]; 3] {
+        let [a, b, c] = self.corners;
+        let corner = [
+            [a[0].to_array(), a[1].to_array(), a[2].to_array()],
+            [b[0].to_array(), b[1].to_array(), b[2].to_array()],
+            [c[0].to_array(), c[1].to_array(), c[2].to_array()],
+        ];
+        corner
+    }
+}
+
+/// A triangle of a leaf.
+struct InLeaf<'a> {
+    index: u32,
+    /// Its place in the leaf.
+    slot: usize,
+    rows: Rows<'a>,
+    sheared: &'a [[[f32; WIDTH]; 3]; 3],
+}
+
+impl Triangle for InLeaf<'_> {
+    #[inline(always)]
+    fn index(&self) -> u32 {
+        self.index
+    }
+
+    #[inline(always)]
+    fn corners(&self) -> [[f32; 3]; 3] {
+        self.rows.corners(self.slot)
+    }
+
+    #[inline(always)]
+    fn sheared(&self, _: &Shear) -> [[f32; 3]; 3] {
+        let mut corners = [[0.0; 3]; 3];
+        for (corner, own) in corners.iter_mut().zip(self.sheared) {
+            for (value, row) in corner.iter_mut().zip(own) {
+                *value = row[self.slot];
+            }
+        }
+        corners
     }
 }
 
@@ -276,45 +432,35 @@ pub(super) fn traverse<S: Search, C: Counters>(
 }
 
 /// Many rays, each with a search of its own.
-struct Batch<'a, T, N, F> {
+struct Batch<'a, Q: Question> {
     wide: &'a Wide,
     rays: &'a [Ray],
-    hits: &'a mut [T],
-    search: &'a N,
-    found: &'a F,
+    answers: &'a mut [Q::Answer],
 }
 
-impl<S: Search, T, N: Fn(&Ray) -> S, F: Fn(&S) -> T> Task for Batch<'_, T, N, F> {
+impl<Q: Question> Task for Batch<'_, Q> {
     type Output = ();
 
     #[inline(always)]
     fn run<L: Lanes>(self) {
         let mut space = Space::NEW;
-        for (ray, hit) in self.rays.iter().zip(self.hits) {
-            let mut search = (self.search)(ray);
+        for (ray, answer) in self.rays.iter().zip(self.answers) {
+            let mut search = Q::search(ray);
             if ray.is_valid() {
                 let mut cursor = Cursor::<L>::new(self.wide, ray, &search, &mut space);
                 while cursor.step(self.wide, &mut search, &mut ()) {}
             }
-            *hit = (self.found)(&search);
+            *answer = Q::answer(&search);
         }
     }
 }
 
-/// Takes all rays through the tree, and says what was `found` by the `search` of each.
-pub(super) fn traverse_all<S: Search, T>(
-    wide: &Wide,
-    rays: &[Ray],
-    hits: &mut [T],
-    search: &impl Fn(&Ray) -> S,
-    found: &impl Fn(&S) -> T,
-) {
-    Instructions::best().run(Batch {
+/// Takes all rays through the tree.
+pub(super) fn traverse_all<Q: Question>(wide: &Wide, rays: &[Ray], answers: &mut [Q::Answer]) {
+    Instructions::best().run(Batch::<Q> {
         wide,
         rays,
-        hits,
-        search,
-        found,
+        answers,
     });
 }
 
@@ -328,11 +474,12 @@ struct Cursor<'s, L> {
     inverse: [L; 3],
     entry: [L; 3],
     exit: [L; 3],
-    entry_rows: [usize; 3],
+    entry_rows: [Row; 3],
+    exit_rows: [Row; 3],
     t_min: L,
+    ray_t_min: f32,
     /// Beyond this nothing is wanted any more.
     limit: f32,
-    edges: Edges<L>,
     next: Link,
     /// How many entries the stack has.
     depth: usize,
@@ -342,7 +489,7 @@ impl<'s, L: Lanes> Cursor<'s, L> {
     #[inline(always)]
     fn new(wide: &Wide, ray: &Ray, search: &impl Search, space: &'s mut Space) -> Self {
         let line = Line::new(wide, ray);
-        let t_min = round_down(f64::from(ray.t_min) * line.scale);
+        let (t_min, limit) = (line.t_below(ray.t_min), line.t_above(search.limit()));
         let zero = [L::splat(0.0); 3];
         let mut cursor = Cursor {
             space,
@@ -351,10 +498,11 @@ impl<'s, L: Lanes> Cursor<'s, L> {
             inverse: zero,
             entry: zero,
             exit: zero,
-            entry_rows: [0; 3],
+            entry_rows: [Row::low(0); 3],
+            exit_rows: [Row::low(0); 3],
             t_min: L::splat(t_min),
-            limit: round_up(search.limit() * line.scale),
-            edges: Edges::new(search.shear()),
+            ray_t_min: ray.t_min,
+            limit,
             next: Link::ROOT,
             depth: 0,
             line,
@@ -377,6 +525,7 @@ impl<'s, L: Lanes> Cursor<'s, L> {
         self.entry = splats(ray.entry);
         self.exit = splats(ray.exit);
         self.entry_rows = ray.entry_rows;
+        self.exit_rows = ray.exit_rows;
     }
 
     /// Visits a node or a leaf; false when the search is over.
@@ -394,46 +543,64 @@ impl<'s, L: Lanes> Cursor<'s, L> {
                 if node.frame != self.frame {
                     self.enter(node.frame, wide);
                 }
-                self.visit(node, search)
+                self.visit(wide, node, search)
             }
             Child::Leaf { start, count } => {
                 counters.leaf_visit(count as u32);
                 counters.triangle_tests(count as u32);
-                let rows = &wide.corners[9 * start..][..9 * count + WIDTH];
-                let mut candidates = match search.shear() {
-                    Some(_) => self.edges.candidates(rows, count),
-                    None => (1 << count) - 1,
-                };
-                if candidates != 0 {
-                    while candidates != 0 {
-                        let i = candidates.trailing_zeros() as usize;
-                        candidates &= candidates - 1;
-                        let mut corners = [[0.0; 3]; 3];
-                        for (row, value) in corners.as_flattened_mut().iter_mut().enumerate() {
-                            *value = rows[row * count + i];
-                        }
-                        if search.test(wide.triangles[start + i], &corners).is_break() {
-                            return false;
-                        }
-                    }
-                    self.limit = round_up(search.limit() * self.line.scale);
+                match self.leaf(wide, (start, count), search) {
+                    ControlFlow::Break(()) => false,
+                    ControlFlow::Continue(()) => self.pop(),
                 }
-                self.pop()
             }
         }
+    }
+
+    #[inline(always)]
+    fn leaf<S: Search>(
+        &mut self,
+        wide: &Wide,
+        (start, count): (usize, usize),
+        search: &mut S,
+    ) -> ControlFlow<()> {
+        let rows = Rows::new(wide, start, count);
+        let limits = (self.ray_t_min, round_up(search.limit()));
+        let all = (1 << count) - 1;
+        let (mut candidates, sheared) = match search.shear() {
+            Some(shear) => {
+                let block = Block::<L>::new(shear, rows);
+                let candidates = block.candidates(shear, limits) & all;
+                if candidates == 0 {
+                    return ControlFlow::Continue(());
+                }
+                (candidates, block.to_arrays())
+            }
+            None => (all, [[[0.0; WIDTH]; 3]; 3]),
+        };
+        while candidates != 0 {
+            let slot = candidates.trailing_zeros() as usize;
+            candidates &= candidates - 1;
+            search.test(&InLeaf {
+                index: wide.triangles[start + slot],
+                slot,
+                rows,
+                sheared: &sheared,
+            })?;
+        }
+        self.limit = self.line.t_above(search.limit());
+        ControlFlow::Continue(())
     }
 
     /// Where the ray enters and leaves the boxes of a node along an axis.
     #[inline(always)]
     fn slab(&self, node: &WideNode, axis: usize) -> (L, L) {
-        let row = self.entry_rows[axis];
-        let entry = L::load(&node.bounds[row]).sub(self.entry[axis]);
-        let exit = L::load(&node.bounds[2 * axis + 3 - row]).sub(self.exit[axis]);
+        let entry = L::load(self.entry_rows[axis].of(node)).sub(self.entry[axis]);
+        let exit = L::load(self.exit_rows[axis].of(node)).sub(self.exit[axis]);
         (entry.mul(self.inverse[axis]), exit.mul(self.inverse[axis]))
     }
 
     #[inline(always)]
-    fn visit<S: Search>(&mut self, node: &WideNode, _: &S) -> bool {
+    fn visit<S: Search>(&mut self, wide: &Wide, node: &WideNode, _: &S) -> bool {
         let (near_x, far_x) = self.slab(node, 0);
         let (near_y, far_y) = self.slab(node, 1);
         let (near_z, far_z) = self.slab(node, 2);
@@ -459,6 +626,7 @@ impl<'s, L: Lanes> Cursor<'s, L> {
                 if other.near < best.near {
                     std::mem::swap(&mut other, &mut best);
                 }
+                self.prefetch(wide, other.link);
                 // Nearer ones on top.
                 let mut at = self.depth;
                 while at > bottom && self.get(at - 1).near < other.near {
@@ -473,12 +641,26 @@ impl<'s, L: Lanes> Cursor<'s, L> {
             while met != 0 {
                 let i = (31 - met.leading_zeros()) as usize;
                 met ^= 1 << i;
+                self.prefetch(wide, node.children[i]);
                 self.space.stack[self.depth] = MaybeUninit::new(Entry::new(&near, node, i));
                 self.depth += 1;
             }
             self.next = node.children[first];
         }
         true
+    }
+
+    /// Asks for the memory of a child that will be visited soon.
+    #[inline(always)]
+    fn prefetch(&self, wide: &Wide, link: Link) {
+        match link.child() {
+            Child::Node(index) => L::prefetch(&wide.nodes[index]),
+            Child::Leaf { start, .. } => {
+                if let Some(corners) = wide.corners[9 * start..].first_chunk::<64>() {
+                    L::prefetch(corners);
+                }
+            }
+        }
     }
 
     /// An entry of the stack below its depth.
