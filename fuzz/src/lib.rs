@@ -6,7 +6,9 @@
 use std::path::Path;
 
 use sha2::{Digest, Sha256};
-use splitplane::{Axis, BuildParams, Layout, Mesh, Ray, TREES, Ties, Tree, TreeChoice, brute_force};
+use splitplane::{
+    Axis, BuildParams, Layout, Mesh, Ray, TREES, Ties, Tree, TreeChoice, brute_force,
+};
 use splitplane_render::scene::{LoadOptions, Scene, load};
 
 /// What a target does with its bytes. It panics where something is wrong.
@@ -359,7 +361,10 @@ pub fn saved_tree(bytes: &[u8]) {
     let _ = tree.validate();
     let mut again = Vec::new();
     tree.write_to(&mut again).expect("memory takes everything");
-    assert!(Tree::from_bytes(&again, &mesh).is_ok(), "what was saved is loaded");
+    assert!(
+        Tree::from_bytes(&again, &mesh).is_ok(),
+        "what was saved is loaded"
+    );
 }
 
 /// Whether these are the bytes of a saved tree of this version.

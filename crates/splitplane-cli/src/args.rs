@@ -526,7 +526,7 @@ pub struct ScenesCommand {
 }
 
 /// A tree that is to be built, or a file that one was saved to.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum TreeSource {
     Built(TreeChoice),
     Saved(PathBuf),

@@ -21,7 +21,10 @@ fn a_saved_tree_answers_as_the_one_that_was_built() {
             assert_eq!(code, 0, "{err}");
             assert!(said.contains(&format!("{out} in")), "{said}");
         }
-        assert_eq!(read("built/hills.exr").len(), read("loaded/hills.exr").len());
+        assert_eq!(
+            read("built/hills.exr").len(),
+            read("loaded/hills.exr").len()
+        );
         assert_eq!(read("built/hills.png"), read("loaded/hills.png"));
     }
     // What is in the file is of the wide layout now: no planes to draw.
@@ -29,7 +32,10 @@ fn a_saved_tree_answers_as_the_one_that_was_built() {
     let (code, _, err) = run(&draw);
     assert_eq!(code, 2);
     assert!(err.contains("--layout binary"), "{err}");
-    assert_eq!(run(&["build", scene, "--tree", "kd", "-o", "hills.spt"]).0, 0);
+    assert_eq!(
+        run(&["build", scene, "--tree", "kd", "-o", "hills.spt"]).0,
+        0
+    );
     assert_eq!(run(&draw).0, 0);
     // Nothing but what was asked for is left.
     let mut names: Vec<_> = std::fs::read_dir(folder.path())
@@ -37,7 +43,10 @@ fn a_saved_tree_answers_as_the_one_that_was_built() {
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
         .collect();
     names.sort();
-    assert_eq!(names, ["built", "hills.pbrt", "hills.spt", "loaded", "slice.svg"]);
+    assert_eq!(
+        names,
+        ["built", "hills.pbrt", "hills.spt", "loaded", "slice.svg"]
+    );
 }
 
 #[test]
@@ -46,7 +55,10 @@ fn what_is_not_the_tree_of_the_scene_is_refused_with_a_reason() {
     let scene = hills_scene(folder.path(), "");
     let scene = scene.to_str().unwrap();
     let run = |arguments: &[&str]| outcome(splitplane(&folder).args(arguments));
-    assert_eq!(run(&["build", scene, "--tree", "kd", "-o", "hills.spt"]).0, 0);
+    assert_eq!(
+        run(&["build", scene, "--tree", "kd", "-o", "hills.spt"]).0,
+        0
+    );
     let path = folder.path().join("hills.spt");
     let whole = std::fs::read(&path).unwrap();
     let refused = |arguments: &[&str], reason: &str| {
@@ -56,8 +68,14 @@ fn what_is_not_the_tree_of_the_scene_is_refused_with_a_reason() {
         assert!(text.contains(reason), "{text}");
     };
     let load = ["build", scene, "--tree", "hills.spt"];
-    refused(&["build", "truck", "--tree", "hills.spt"], "tree of another mesh");
-    refused(&[&load[..], &["--preset", "thesis"]].concat(), "leave out --preset");
+    refused(
+        &["build", "truck", "--tree", "hills.spt"],
+        "tree of another mesh",
+    );
+    refused(
+        &[&load[..], &["--preset", "thesis"]].concat(),
+        "leave out --preset",
+    );
     refused(&["build", scene, "--tree", "none.spt"], "none.spt");
     refused(
         &["build", scene, "--tree", "kd,wn+kd", "-o", "two.spt"],

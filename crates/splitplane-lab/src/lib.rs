@@ -41,9 +41,9 @@ pub use run::{
     render_timed, render_with, save_tree,
 };
 pub use slice::{Slice, SliceSettings};
+pub use splitplane::write_whole;
 pub use stats::{CONFIDENCE, Estimate, estimate, median};
 pub use window::{Resolution, crop_named};
-pub use splitplane::write_whole;
 
 /// What can go wrong in the laboratory.
 #[derive(Debug, thiserror::Error)]

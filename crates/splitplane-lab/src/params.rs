@@ -123,9 +123,11 @@ impl Preset {
         };
         let exactly = |preset: &&Preset| preset.params() == *params;
         let all = || Preset::ALL.iter();
-        (all().find(exactly).or_else(|| all().find(|preset| like(preset))))
-            .copied()
-            .unwrap_or(Preset::Default)
+        (all()
+            .find(exactly)
+            .or_else(|| all().find(|preset| like(preset))))
+        .copied()
+        .unwrap_or(Preset::Default)
     }
 }
 

@@ -554,10 +554,7 @@ fn io_error(error: std::io::Error, path: &Path) -> PyErr {
     std::io::Error::new(error.kind(), text).into()
 }
 
-fn mesh_of(
-    positions: &Bound<'_, PyAny>,
-    triangles: &PyReadonlyArray2<'_, u32>,
-) -> PyResult<Mesh> {
+fn mesh_of(positions: &Bound<'_, PyAny>, triangles: &PyReadonlyArray2<'_, u32>) -> PyResult<Mesh> {
     let triangles = triple(batch::rows(triangles, "triangles", &[3])?.0);
     let mesh = if let Ok(positions) = positions.extract::<PyReadonlyArray2<'_, f64>>() {
         let positions = triple(batch::rows(&positions, "vertices", &[3])?.0);

@@ -11,7 +11,9 @@ mod common;
 use common::{Random, soup, sphere};
 
 fn choices() -> impl Iterator<Item = TreeChoice> {
-    TREES.iter().map(|spec| TreeChoice::new(spec.name, None).unwrap())
+    TREES
+        .iter()
+        .map(|spec| TreeChoice::new(spec.name, None).unwrap())
 }
 
 /// All trees over a mesh, in all layouts.
@@ -69,7 +71,11 @@ fn every_tree_is_loaded_as_it_was_saved() {
         vec![[f32::NAN; 3], [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.5]],
         vec![[0, 1, 2], [1, 1, 2], [1, 2, 3]],
     );
-    let far = [[458_317.3, 5_427_901.1, 0.1], [458_318.3, 5_427_901.1, 0.1], [458_317.3, 5_427_902.1, 0.3]];
+    let far = [
+        [458_317.3, 5_427_901.1, 0.1],
+        [458_318.3, 5_427_901.1, 0.1],
+        [458_317.3, 5_427_902.1, 0.3],
+    ];
     let meshes = [
         soup(150, 0.6),
         sphere(9),
@@ -85,7 +91,10 @@ fn every_tree_is_loaded_as_it_was_saved() {
     };
     let rays = rays(200);
     for mesh in &meshes {
-        for tree in [BuildParams::default(), fork.clone()].iter().flat_map(|p| trees(mesh, p)) {
+        for tree in [BuildParams::default(), fork.clone()]
+            .iter()
+            .flat_map(|p| trees(mesh, p))
+        {
             let loaded = Tree::from_bytes(&saved(&tree), mesh).unwrap();
             assert!(loaded == tree, "{} {}", tree.choice(), tree.layout());
             assert_eq!(loaded.card(), tree.card());
@@ -93,7 +102,10 @@ fn every_tree_is_loaded_as_it_was_saved() {
             loaded.validate().unwrap();
             for ray in &rays {
                 let (mut a, mut b) = (Counts::default(), Counts::default());
-                assert_eq!(loaded.closest_hit(ray, &mut a), tree.closest_hit(ray, &mut b));
+                assert_eq!(
+                    loaded.closest_hit(ray, &mut a),
+                    tree.closest_hit(ray, &mut b)
+                );
                 assert_eq!(a, b);
             }
         }
@@ -130,7 +142,10 @@ fn a_file_that_is_cut_short_or_has_a_tail_is_refused() {
             assert!(Tree::from_bytes(&bytes[..end], &mesh).is_err(), "{end}");
         }
         bytes.push(0);
-        assert!(matches!(Tree::from_bytes(&bytes, &mesh), Err(LoadError::Damaged)));
+        assert!(matches!(
+            Tree::from_bytes(&bytes, &mesh),
+            Err(LoadError::Damaged)
+        ));
         let with_tail = with_sum(bytes);
         let error = Tree::from_bytes(&with_tail, &mesh).unwrap_err();
         assert!(matches!(error, LoadError::Invalid { .. }), "{error}");
@@ -160,7 +175,14 @@ fn no_file_leads_a_query_astray() {
                 open(changed);
             }
         }
-        let numbers = [0, 1, u32::MAX, 1 << 31, f32::NAN.to_bits(), f32::INFINITY.to_bits()];
+        let numbers = [
+            0,
+            1,
+            u32::MAX,
+            1 << 31,
+            f32::NAN.to_bits(),
+            f32::INFINITY.to_bits(),
+        ];
         for i in (12..bytes.len() - 36).step_by(2) {
             for number in numbers {
                 let mut changed = bytes.clone();
@@ -176,7 +198,11 @@ fn no_file_leads_a_query_astray() {
 fn a_tree_is_loaded_over_its_own_mesh_alone() {
     let (mesh, other) = (soup(20, 1.0), soup(21, 1.0));
     let tree = Tree::new(&mesh).unwrap();
-    let text = |other: &Mesh| Tree::from_bytes(&saved(&tree), other).unwrap_err().to_string();
+    let text = |other: &Mesh| {
+        Tree::from_bytes(&saved(&tree), other)
+            .unwrap_err()
+            .to_string()
+    };
     assert_eq!(
         text(&other),
         "is the tree of another mesh, of 20 triangles and 60 vertices"
@@ -203,15 +229,18 @@ fn a_file_is_written_whole_or_not_at_all() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("tree.spt");
     let mesh = soup(30, 1.0);
-    let [first, second] =
-        ["kd", "wn+kd:6"].map(|t| Tree::build(&mesh, t.parse().unwrap(), &BuildParams::default()).unwrap());
+    let [first, second] = ["kd", "wn+kd:6"]
+        .map(|t| Tree::build(&mesh, t.parse().unwrap(), &BuildParams::default()).unwrap());
     first.save(&path).unwrap();
     assert!(Tree::load(&path, &mesh).unwrap() == first);
     second.save(&path).unwrap();
     assert!(Tree::load(&path, &mesh).unwrap() == second);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
     assert!(first.save(folder.path().join("nowhere/tree.spt")).is_err());
-    assert!(matches!(Tree::load(folder.path(), &mesh), Err(LoadError::NotATree)));
+    assert!(matches!(
+        Tree::load(folder.path(), &mesh),
+        Err(LoadError::NotATree)
+    ));
     let missing = Tree::load(folder.path().join("none.spt"), &mesh);
     assert!(matches!(missing, Err(LoadError::Read(_))));
 }

@@ -16,7 +16,13 @@ pub fn run(command: &SliceCommand) -> Result<(), Failure> {
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, quiet)?;
-    let built = scene::tree(&command.tree, &scene.mesh, &command.build, &mut settings, &bar)?;
+    let built = scene::tree(
+        &command.tree,
+        &scene.mesh,
+        &command.build,
+        &mut settings,
+        &bar,
+    )?;
     let tree = built.tree.choice();
     if built.tree.layout() == Layout::Wide {
         return Err(Failure::input(format!(

@@ -123,7 +123,10 @@ impl Tree {
         let mut head = Head {
             mesh: MeshId::of(&self.mesh),
             name: self.choice.to_string(),
-            layout: Layout::ALL.iter().position(|&l| l == self.layout()).unwrap_or(0) as u32,
+            layout: Layout::ALL
+                .iter()
+                .position(|&l| l == self.layout())
+                .unwrap_or(0) as u32,
             params: self.params.clone(),
             stats: self.stats,
             expected: self.expected.clone(),
@@ -166,7 +169,11 @@ impl Tree {
         if !metadata.is_file() {
             return Err(LoadError::NotATree);
         }
-        load(BufReader::with_capacity(1 << 16, file), metadata.len(), mesh)
+        load(
+            BufReader::with_capacity(1 << 16, file),
+            metadata.len(),
+            mesh,
+        )
     }
 
     /// Reads what [`Tree::write_to`] wrote.
@@ -268,7 +275,13 @@ impl Content {
             }
             Some(Layout::Wide) => {
                 let scale: Vec<Scale> = input.list()?;
-                let [Scale { center, half_extent }] = scale[..] else {
+                let [
+                    Scale {
+                        center,
+                        half_extent,
+                    },
+                ] = scale[..]
+                else {
                     return Err(wrong("one centre of the scene"));
                 };
                 let wide = Wide {
@@ -357,6 +370,7 @@ impl MeshId {
 }
 
 /// What comes before the lists.
+#[derive(Default)]
 struct Head {
     mesh: MeshId,
     name: String,
@@ -364,19 +378,6 @@ struct Head {
     params: BuildParams,
     stats: BuildStats,
     expected: Expected,
-}
-
-impl Default for Head {
-    fn default() -> Self {
-        Head {
-            mesh: MeshId::default(),
-            name: String::new(),
-            layout: 0,
-            params: BuildParams::default(),
-            stats: BuildStats::default(),
-            expected: Expected::default(),
-        }
-    }
 }
 
 /// What the wide layout knows of the scene.
@@ -405,7 +406,8 @@ impl Head {
         } = &mut self.expected;
         by.f64(axis_visits)?;
         by.f64(oblique_visits)?;
-        let mut pairs: Vec<(u32, f64)> = tests.iter().map(|(&size, &tests)| (size, tests)).collect();
+        let mut pairs: Vec<(u32, f64)> =
+            tests.iter().map(|(&size, &tests)| (size, tests)).collect();
         by.sequence(&mut pairs, |by, (size, tests)| {
             by.u32(size)?;
             by.f64(tests)
@@ -603,7 +605,9 @@ impl<W: Write> Output<'_, W> {
             return self.write(bytemuck::cast_slice(list));
         }
         let words = bytemuck::cast_slice::<T, u32>(list);
-        words.iter().try_for_each(|word| self.write(&word.to_le_bytes()))
+        words
+            .iter()
+            .try_for_each(|word| self.write(&word.to_le_bytes()))
     }
 }
 

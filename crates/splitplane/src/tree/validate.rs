@@ -106,7 +106,10 @@ impl Tree {
                     if triangles.windows(2).any(|pair| pair[0] >= pair[1]) {
                         return broken(at, "lists a triangle twice or out of order");
                     }
-                    if !triangles.iter().all(|&i| hittable.get(i as usize) == Some(&true)) {
+                    if !triangles
+                        .iter()
+                        .all(|&i| hittable.get(i as usize) == Some(&true))
+                    {
                         return broken(at, "lists a triangle that cannot be hit");
                     }
                 }
@@ -127,7 +130,11 @@ impl Tree {
         if wide.frames.is_empty() || wide.frames.len() > MAX_FRAMES {
             return broken(0, "has no frame, or too many");
         }
-        if !wide.triangles.iter().all(|&i| hittable.get(i as usize) == Some(&true)) {
+        if !wide
+            .triangles
+            .iter()
+            .all(|&i| hittable.get(i as usize) == Some(&true))
+        {
             return broken(0, "lists a triangle that cannot be hit");
         }
         let mut seen = vec![false; wide.nodes.len()];
