@@ -37,7 +37,7 @@ const SUM: u64 = 32;
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
     /// The file could not be read.
-    #[error(transparent)]
+    #[error("cannot be read: {0}")]
     Read(#[from] io::Error),
     /// Something else than a saved tree.
     #[error("is not a saved tree")]
