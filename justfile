@@ -35,7 +35,7 @@ check-apart:
     cargo clippy --manifest-path fuzz/Cargo.toml --all-targets -- -D warnings
 
 # Fuzz one target (`just fuzz ply`) or all in turn, so many seconds each; needs cargo-fuzz.
-fuzz target="pbrt_text pbrt_scene ply obj stl texture build_and_cast" seconds="3600":
+fuzz target="pbrt_text pbrt_scene ply obj stl texture build_and_cast saved_tree" seconds="3600":
     for target in {{target}}; do \
         RUSTC_BOOTSTRAP=1 cargo fuzz run --sanitizer none "$target" -- \
             -max_total_time={{seconds}} -timeout=20 -rss_limit_mb=4096 || exit 1; \

@@ -5,7 +5,10 @@
 
 use std::path::Path;
 
-use splitplane::{BuildParams, Layout, Mesh, Ray, TREES, Ties, Tree, TreeChoice, brute_force};
+use sha2::{Digest, Sha256};
+use splitplane::{
+    Axis, BuildParams, Layout, Mesh, Ray, TREES, Ties, Tree, TreeChoice, brute_force,
+};
 use splitplane_render::scene::{LoadOptions, Scene, load};
 
 /// What a target does with its bytes. It panics where something is wrong.
@@ -20,6 +23,7 @@ pub const TARGETS: &[(&str, Target)] = &[
     ("stl", stl),
     ("texture", texture),
     ("build_and_cast", build_and_cast),
+    ("saved_tree", saved_tree),
 ];
 
 /// Longer files find nothing more.
@@ -319,6 +323,70 @@ pub fn build_and_cast(bytes: &[u8]) {
             assert_eq!(all.first(), truth.as_ref(), "{}", case());
         }
     }
+}
+
+/// The mesh that saved trees are loaded over.
+fn mesh_of_saved_trees() -> Mesh {
+    let corner = |i: u32| {
+        let c = |shift: u32| (i.wrapping_mul(2_654_435_761) >> shift & 15) as f32 / 8.0 - 1.0;
+        [c(4), c(12), c(20)]
+    };
+    let triangles = (0..8).map(|i| [i, i + 1, i + 2]).collect();
+    Mesh::new((1..11).map(corner).collect(), triangles).expect("all indices are in range")
+}
+
+/// A saved tree, with the sum that it should have: refused, or one that answers.
+pub fn saved_tree(bytes: &[u8]) {
+    let mesh = mesh_of_saved_trees();
+    let mut bytes = bytes.to_vec();
+    if let Some(content) = bytes.len().checked_sub(32) {
+        let sum = Sha256::digest(&bytes[..content]);
+        bytes[content..].copy_from_slice(&sum);
+    }
+    let Ok(tree) = Tree::from_bytes(&bytes, &mesh) else {
+        return;
+    };
+    let mut hits = Vec::new();
+    for [x, y, z] in mesh.positions().iter().copied().chain([[1e19, 0.0, 0.0]]) {
+        let ray = Ray::new([x, y, z], [0.3 - x, 0.2 - y, 0.1 - z]);
+        tree.closest_hit(&ray, &mut ());
+        tree.any_hit(&ray, &mut ());
+        tree.all_hits(&ray, &mut hits, &mut ());
+        tree.closest_point([x, y, z], f32::INFINITY, &mut ());
+        tree.contains([x, y, z], &mut ());
+    }
+    tree.triangles_in_box(&tree.bounds(), &mut ());
+    tree.section(Axis::X, 0.1, u32::MAX);
+    tree.card();
+    let _ = tree.validate();
+    let mut again = Vec::new();
+    tree.write_to(&mut again).expect("memory takes everything");
+    assert!(
+        Tree::from_bytes(&again, &mesh).is_ok(),
+        "what was saved is loaded"
+    );
+}
+
+/// Whether these are the bytes of a saved tree of this version.
+pub fn is_saved_tree(bytes: &[u8]) -> bool {
+    Tree::from_bytes(bytes, &mesh_of_saved_trees()).is_ok()
+}
+
+/// What the corpus of [`saved_tree`] is: a tree of each kind in each layout.
+pub fn saved_trees() -> Vec<(String, Vec<u8>)> {
+    let mesh = mesh_of_saved_trees();
+    let mut files = Vec::new();
+    for spec in TREES {
+        let choice = TreeChoice::new(spec.name, None).expect("a tree of the list");
+        let tree = Tree::build(&mesh, choice, &BuildParams::default()).expect("it is small");
+        for layout in Layout::ALL {
+            let tree = tree.clone().with_layout(layout).expect("it is small");
+            let mut bytes = Vec::new();
+            tree.write_to(&mut bytes).expect("memory takes everything");
+            files.push((format!("{}-{layout}", spec.name), bytes));
+        }
+    }
+    files
 }
 
 /// The corpus of a target.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
-use splitplane::{Axis, Layout, ObliquePricing, Ties, Traversal, TreeChoice};
+use splitplane::{Axis, Layout, ObliquePricing, ParseTreeError, Ties, Traversal, TreeChoice};
 use splitplane_lab::{Preset, Resolution, Settings, crop_named, ties_named, traversal_named};
 use splitplane_render::render::RenderSettings;
 
@@ -62,10 +62,10 @@ goes on.")]
 pub struct RenderCommand {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// The tree that answers the rays, e.g. kd or wn+kd:6 [default: the one that the scene
-    /// names, or else the first of `splitplane trees`]
+    /// The tree that answers the rays, e.g. kd or wn+kd:6, or a saved one, tree.spt [default: the
+    /// one that the scene names, or else the first of `splitplane trees`]
     #[arg(long)]
-    pub tree: Option<TreeChoice>,
+    pub tree: Option<TreeSource>,
     #[command(flatten)]
     pub build: BuildArgs,
     /// How the tree is stored: wide, for speed, or binary, whose counters are those of papers
@@ -106,23 +106,31 @@ pub struct CheckCommand {
 /// Build a tree over a scene's triangles and print its card: nodes, leaves, expected cost.
 ///
 /// Several trees, or several builds of them, give a table of their build times, interleaved.
+/// With --out, the tree is saved, for the --tree of other commands on the same scene.
 #[derive(Debug, Args)]
 #[command(after_help = "Examples:
   splitplane build truck --tree wn+kd:6
   splitplane build truck --tree kd,wn+kd:6,ize-kd --repeat 5 --threads 1
-  splitplane build model.ply --tree kd --preset thesis --json")]
+  splitplane build model.ply --tree kd --preset thesis --json
+  splitplane build model.ply --tree wn+kd:6 --layout wide -o model.spt
+  splitplane cast model.ply --tree model.spt --rays rays.npy --out hits.npz")]
 pub struct BuildCommand {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// The tree, e.g. kd or wn+kd:6; several, separated by commas, are compared with the first
+    /// The tree, e.g. kd or wn+kd:6; several, separated by commas, are compared with the first; or
+    /// a saved one, tree.spt
     #[arg(long, required = true, value_delimiter = ',', value_name = "TREE,...")]
-    pub tree: Vec<TreeChoice>,
+    pub tree: Vec<TreeSource>,
+    /// Save the tree to this file
+    #[arg(long, short, value_name = "FILE.spt")]
+    pub out: Option<PathBuf>,
     /// Build each tree this many times, interleaved; times are medians
     #[arg(long, default_value_t = 1, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u32).range(1..=1000))]
     pub repeat: u32,
     #[command(flatten)]
     pub build: BuildArgs,
-    /// Bring the tree into this layout, binary or wide, after it is built
+    /// Bring the tree into this layout, binary or wide, after it is built: the wide one answers
+    /// several times as fast
     #[arg(long, default_value_t = Layout::Binary, value_name = "LAYOUT", help_heading = "How trees are built")]
     pub layout: Layout,
     /// Print the card as JSON; the cards of all builds where there are several
@@ -384,9 +392,10 @@ pub struct CastCommand {
     /// What to look for along each ray
     #[arg(long, value_enum, default_value_t = Query::Closest, ignore_case = true)]
     pub query: Query,
-    /// The tree that answers, e.g. kd or wn+kd:6 [default: the first of `splitplane trees`]
+    /// The tree that answers, e.g. kd or wn+kd:6, or a saved one, tree.spt [default: the first of
+    /// `splitplane trees`]
     #[arg(long)]
-    pub tree: Option<TreeChoice>,
+    pub tree: Option<TreeSource>,
     #[command(flatten)]
     pub build: BuildArgs,
     /// How the tree is stored, wide or binary; hits are the same [default: wide, but binary with
@@ -423,9 +432,9 @@ pub enum Query {
 pub struct SliceCommand {
     #[command(flatten)]
     pub scene: SceneArgs,
-    /// The tree, e.g. kd or wn+kd:6
+    /// The tree, e.g. kd or wn+kd:6, or a saved one in the binary layout, tree.spt
     #[arg(long)]
-    pub tree: TreeChoice,
+    pub tree: TreeSource,
     /// The axis that the plane lies across
     #[arg(long, value_enum, default_value_t = AxisName::Z, ignore_case = true)]
     pub axis: AxisName,
@@ -526,6 +535,34 @@ pub struct ScenesCommand {
     /// Do not read the scenes that were found to count their triangles
     #[arg(long)]
     pub uncounted: bool,
+}
+
+/// A tree that is to be built, or a file that one was saved to.
+#[derive(Clone, Debug, PartialEq)]
+pub enum TreeSource {
+    Built(TreeChoice),
+    Saved(PathBuf),
+}
+
+impl std::str::FromStr for TreeSource {
+    type Err = ParseTreeError;
+
+    fn from_str(text: &str) -> Result<Self, Self::Err> {
+        let path = PathBuf::from(text.trim());
+        match path.extension() {
+            Some(end) if end.eq_ignore_ascii_case("spt") => Ok(TreeSource::Saved(path)),
+            _ => text.parse().map(TreeSource::Built),
+        }
+    }
+}
+
+impl std::fmt::Display for TreeSource {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self {
+            TreeSource::Built(choice) => choice.fmt(f),
+            TreeSource::Saved(path) => path.display().fmt(f),
+        }
+    }
 }
 
 /// Which scene, and where to find it.
@@ -699,6 +736,11 @@ impl GeneralArgs {
 }
 
 impl BuildArgs {
+    /// Whether they say how to build, so that they cannot be meant for a tree that is built.
+    pub fn say_how(&self) -> bool {
+        self.preset.is_some() || self.ties.is_some() || self.pricing.is_some() || self.seed != 0
+    }
+
     /// The settings that the arguments ask for, all of rendering but the threads as in the scene.
     pub fn settings(&self, default: Preset, general: &GeneralArgs) -> Settings {
         let mut settings = Settings::of_preset(self.preset.unwrap_or(default));
@@ -746,6 +788,15 @@ mod tests {
     fn the_command_line_is_consistent() {
         use clap::CommandFactory;
         Cli::command().debug_assert();
+    }
+
+    #[test]
+    fn a_tree_is_a_name_or_a_file() {
+        assert_eq!("kd".parse(), Ok(TreeSource::Built("kd".parse().unwrap())));
+        let saved = |path: &str| Ok(TreeSource::Saved(PathBuf::from(path)));
+        assert_eq!("folder/tree.spt".parse(), saved("folder/tree.spt"));
+        assert_eq!(" T.SPT".parse(), saved("T.SPT"));
+        assert!("oak".parse::<TreeSource>().is_err());
     }
 
     #[test]

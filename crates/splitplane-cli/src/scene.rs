@@ -3,12 +3,15 @@
 use std::path::Path;
 
 use miette::{LabeledSpan, NamedSource, Report};
+use splitplane::Mesh;
+use splitplane_lab::{Built, Settings, build, load_tree};
 use splitplane_render::SceneError;
 use splitplane_render::scene::{LoadOptions, Scene, load as load_scene};
 
-use crate::args::{LoadArgs, SceneArgs};
+use crate::args::{BuildArgs, LoadArgs, SceneArgs, TreeSource};
 use crate::failure::Failure;
 use crate::print;
+use crate::progress::Bar;
 
 /// Reads a scene, and tells what it says of itself.
 pub fn load(args: &SceneArgs, quiet: bool) -> Result<Scene, Failure> {
@@ -34,6 +37,33 @@ pub fn load_named(name: &str, args: &LoadArgs, quiet: bool) -> Result<Scene, Fai
         }
     }
     Ok(scene)
+}
+
+/// Builds the tree over a mesh, or loads it; then the settings are those that it was built with.
+pub fn tree(
+    source: &TreeSource,
+    mesh: &Mesh,
+    args: &BuildArgs,
+    settings: &mut Settings,
+    bar: &Bar,
+) -> Result<Built, Failure> {
+    match source {
+        TreeSource::Built(choice) => {
+            bar.spin(format!("{choice}: building the tree"));
+            Ok(build(mesh, *choice, settings, bar)?)
+        }
+        TreeSource::Saved(path) => {
+            if args.say_how() {
+                return Err(Failure::input(format!(
+                    "the tree in {} has the parameters that it was built with; leave out --preset, \
+                     --ties, --pricing and --seed",
+                    path.display()
+                )));
+            }
+            bar.spin(format!("{}: loading the tree", path.display()));
+            Ok(load_tree(path, mesh, settings)?)
+        }
+    }
 }
 
 /// The error, with the lines of the file that it speaks of where they can be shown.

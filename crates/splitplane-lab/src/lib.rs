@@ -18,7 +18,6 @@ mod slice;
 mod stats;
 pub mod verify;
 mod window;
-mod write;
 
 use std::path::PathBuf;
 
@@ -38,13 +37,13 @@ pub use reproduce::{
     trees_of_the_thesis,
 };
 pub use run::{
-    Built, Layouts, LeafSizeRecord, RenderTime, Run, Settings, Timing, build, measure, record,
-    render_timed, render_with,
+    Built, Layouts, LeafSizeRecord, RenderTime, Run, Settings, Timing, build, load_tree, measure,
+    record, render_timed, render_with, save_tree,
 };
 pub use slice::{Slice, SliceSettings};
+pub use splitplane::write_whole;
 pub use stats::{CONFIDENCE, Estimate, estimate, median};
 pub use window::{Resolution, crop_named};
-pub use write::write_whole;
 
 /// What can go wrong in the laboratory.
 #[derive(Debug, thiserror::Error)]
@@ -140,6 +139,14 @@ pub enum LabError {
         path: PathBuf,
         /// Why.
         source: std::io::Error,
+    },
+    /// A saved tree was not loaded.
+    #[error("{} {source}", path.display())]
+    LoadTree {
+        /// The file.
+        path: PathBuf,
+        /// Why not.
+        source: splitplane::LoadError,
     },
     /// A file does not hold what it should.
     #[error("{} is damaged: {reason}", path.display())]

@@ -108,6 +108,29 @@ fn find<T: Copy>(
     })
 }
 
+impl Preset {
+    /// The preset that parameters came from, ties, pricing and seed apart; the default one where
+    /// none is like them.
+    pub(crate) fn of(params: &BuildParams) -> Preset {
+        let like = |preset: &Preset| {
+            let own = BuildParams {
+                ties: params.ties,
+                oblique_pricing: params.oblique_pricing,
+                seed: params.seed,
+                ..preset.params()
+            };
+            own == *params
+        };
+        let exactly = |preset: &&Preset| preset.params() == *params;
+        let all = || Preset::ALL.iter();
+        (all()
+            .find(exactly)
+            .or_else(|| all().find(|preset| like(preset))))
+        .copied()
+        .unwrap_or(Preset::Default)
+    }
+}
+
 impl FromStr for Preset {
     type Err = UnknownName;
 

@@ -1,10 +1,11 @@
 //! One tree: built, rendered with, and recorded.
 
 use serde::{Deserialize, Serialize};
+use std::path::Path;
 use std::time::Instant;
 
 use splitplane::{
-    BuildParams, Counts, Layout, Mesh, Progress, Traversal, Tree, TreeCard, TreeChoice,
+    BuildError, BuildParams, Counts, Layout, Mesh, Progress, Traversal, Tree, TreeCard, TreeChoice,
 };
 use splitplane_render::render::{self, LeafSizes, RenderSettings, Rendered, render};
 use splitplane_render::scene::{Scene, settings::Integrator};
@@ -63,7 +64,7 @@ impl Settings {
     }
 }
 
-/// A tree that was built, and how that went.
+/// A tree that was built or loaded, and how that went.
 #[derive(Clone, Debug)]
 pub struct Built {
     /// The tree; in the wide layout only where nothing else was asked for.
@@ -74,9 +75,9 @@ pub struct Built {
     pub wide_card: Option<WideRecord>,
     /// What is known of it.
     pub card: TreeCard,
-    /// Time to build it, in seconds.
+    /// Time to build it, or to load it, in seconds.
     pub seconds: f64,
-    /// Threads that built it.
+    /// Threads that built or loaded it.
     pub threads: usize,
     /// The machine, and its load when the build began.
     pub machine: Machine,
@@ -233,29 +234,13 @@ pub fn build(
         source,
     };
     let tree = tree.map_err(failed)?;
-    let card = tree.card();
-    let tree = tree.with_traversal(settings.traversal);
-    let start = Instant::now();
-    let (tree, wide) = match (wanted(Layout::Binary), wanted(Layout::Wide)) {
-        (_, false) => (tree, None),
-        (false, true) => {
-            let wide = pool.install(|| tree.with_layout(Layout::Wide));
-            (wide.map_err(failed)?, None)
-        }
-        (true, true) => {
-            let copy = tree.clone();
-            let wide = pool.install(|| copy.with_layout(Layout::Wide));
-            (tree, Some(wide.map_err(failed)?))
-        }
-    };
-    let layout_seconds = start.elapsed().as_secs_f64();
-    let wide_card = wide.as_ref().unwrap_or(&tree).card();
+    let arranged = pool.install(|| arrange(tree, settings));
+    let (card, tree, wide, wide_card) = arranged.map_err(failed)?;
     Ok(Built {
-        wide_card: (wide_card.wide.as_ref())
-            .map(|card| WideRecord::new(card, wide_card.bytes, layout_seconds)),
         card,
         tree,
         wide,
+        wide_card,
         seconds,
         threads: pool.current_num_threads(),
         machine,
@@ -263,11 +248,87 @@ pub fn build(
     })
 }
 
+/// A tree in the layouts that the settings ask for: its card, itself, and in the wide layout with
+/// what is known of it there.
+type Arranged = (TreeCard, Tree, Option<Tree>, Option<WideRecord>);
+
+fn arrange(tree: Tree, settings: &Settings) -> Result<Arranged, BuildError> {
+    let Layouts { timed, counted } = settings.layouts;
+    let wanted = |layout| timed == layout || counted == layout;
+    let card = tree.card();
+    let tree = tree.with_traversal(settings.traversal);
+    let start = Instant::now();
+    let (tree, wide) = match (wanted(Layout::Binary), wanted(Layout::Wide)) {
+        (_, false) => (tree, None),
+        (false, true) => (tree.with_layout(Layout::Wide)?, None),
+        (true, true) => {
+            let wide = tree.clone().with_layout(Layout::Wide)?;
+            (tree, Some(wide))
+        }
+    };
+    let seconds = start.elapsed().as_secs_f64();
+    let wide_card = wide.as_ref().unwrap_or(&tree).card();
+    let record =
+        (wide_card.wide.as_ref()).map(|wide| WideRecord::new(wide, wide_card.bytes, seconds));
+    Ok((card, tree, wide, record))
+}
+
+/// Saves a tree, whole or not at all.
+///
+/// # Errors
+/// The file cannot be written.
+pub fn save_tree(path: &Path, tree: &Tree) -> Result<(), LabError> {
+    tree.save(path).map_err(|source| LabError::Write {
+        path: path.to_owned(),
+        source,
+    })
+}
+
+/// Loads a tree that was saved, over its mesh; the settings then have the parameters that it was
+/// built with.
+///
+/// # Errors
+/// The file cannot be read, is no saved tree, is damaged, or is that of another mesh.
+pub fn load_tree(path: &Path, mesh: &Mesh, settings: &mut Settings) -> Result<Built, LabError> {
+    let machine = Machine::now();
+    let load = OthersLoad::start();
+    let start = Instant::now();
+    let tree = Tree::load(path, mesh).map_err(|source| LabError::LoadTree {
+        path: path.to_owned(),
+        source,
+    })?;
+    let seconds = start.elapsed().as_secs_f64();
+    settings.params = tree.params().clone();
+    settings.preset = Preset::of(tree.params());
+    if tree.layout() == Layout::Wide {
+        if settings.traversal == Traversal::AsPublished {
+            return Err(LabError::WideAsPublished);
+        }
+        settings.layouts = Layouts::both(Layout::Wide);
+    }
+    let choice = tree.choice();
+    let arranged = arrange(tree, settings);
+    let (card, tree, wide, wide_card) = arranged.map_err(|source| LabError::Build {
+        tree: choice.to_string(),
+        source,
+    })?;
+    Ok(Built {
+        card,
+        tree,
+        wide,
+        wide_card,
+        seconds,
+        threads: 1,
+        machine,
+        others_load: load.stop(),
+    })
+}
+
 /// Renders a scene without counters, for its time; with the processors that others kept busy
 /// meanwhile, where that is known.
 ///
 /// # Errors
-/// As [`render`].
+/// As [`render()`].
 pub fn render_timed(
     scene: &Scene,
     built: &Built,
@@ -283,7 +344,7 @@ pub fn render_timed(
 /// settings have for that.
 ///
 /// # Errors
-/// As [`render`].
+/// As [`render()`].
 pub fn render_with(
     scene: &Scene,
     built: &Built,

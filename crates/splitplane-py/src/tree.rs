@@ -1,11 +1,13 @@
 //! A tree and its batches of queries.
 
+use std::path::{Path, PathBuf};
+
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 use rayon::prelude::*;
-use splitplane::{Counters, Counts, Hit, Layout, Mesh, Ray, TreeChoice};
-use splitplane_lab::{Built, CardRecord, Preset, Settings};
+use splitplane::{Counts, Hit, Layout, LoadError, Mesh, Ray, TreeChoice};
+use splitplane_lab::{Built, CardRecord, LabError, Preset, Settings};
 
 use crate::batch::{self, CHUNK, array2, in_blocks, interruptible};
 use crate::scenes::Stop;
@@ -85,12 +87,12 @@ impl Tree {
         }
     }
 
-    fn closest_hits<'py, C: Counters + Copy + Default + Send + Sync>(
+    fn closest_hits<'py, C: Cost>(
         &self,
         py: Python<'py>,
         rays: &Rays<'_>,
         nthreads: usize,
-        counts: &mut [C],
+        costs: &mut [C],
     ) -> PyResult<Hits<'py>> {
         let count = rays.len();
         let mut t = vec![f32::INFINITY; count];
@@ -105,15 +107,16 @@ impl Tree {
                 triangle[block.clone()].par_chunks_mut(CHUNK),
                 uv[block.clone()].par_chunks_mut(CHUNK),
                 normal[block.clone()].par_chunks_mut(CHUNK),
-                counts[block.clone()].par_chunks_mut(CHUNK),
+                costs[block.clone()].par_chunks_mut(CHUNK),
             )
                 .into_par_iter()
                 .enumerate()
-                .for_each(|(chunk, (t, geometry, triangle, uv, normal, counts))| {
-                    let start = block.start + chunk * CHUNK;
-                    for i in 0..t.len() {
-                        let ray = rays.get(start + i);
-                        if let Some(hit) = self.built.tree.closest_hit(&ray, &mut counts[i]) {
+                .for_each(|(chunk, (t, geometry, triangle, uv, normal, costs))| {
+                    let rays = rays.chunk(block.start + chunk * CHUNK, t.len());
+                    let mut hits = vec![None; t.len()];
+                    C::closest_hits(&self.built.tree, &rays, &mut hits, costs);
+                    for (i, hit) in hits.iter().enumerate() {
+                        if let Some(hit) = hit {
                             let place = self.place(hit.triangle, hit.u, hit.v);
                             t[i] = hit.t;
                             geometry[i] = place.geometry;
@@ -133,25 +136,25 @@ impl Tree {
         ))
     }
 
-    fn any_hits<C: Counters + Copy + Default + Send + Sync>(
+    fn any_hits<C: Cost>(
         &self,
         py: Python<'_>,
         rays: &Rays<'_>,
         nthreads: usize,
-        counts: &mut [C],
+        costs: &mut [C],
     ) -> PyResult<Vec<bool>> {
         let mut found = vec![false; rays.len()];
         in_blocks(py, rays.len(), nthreads, |block| {
             let start = block.start;
             (
-                found[block.clone()].par_iter_mut(),
-                counts[block].par_iter_mut(),
+                found[block.clone()].par_chunks_mut(CHUNK),
+                costs[block].par_chunks_mut(CHUNK),
             )
                 .into_par_iter()
-                .with_min_len(CHUNK)
                 .enumerate()
-                .for_each(|(i, (found, counts))| {
-                    *found = self.built.tree.any_hit(&rays.get(start + i), counts);
+                .for_each(|(chunk, (found, costs))| {
+                    let rays = rays.chunk(start + chunk * CHUNK, found.len());
+                    C::any_hits(&self.built.tree, &rays, found, costs);
                 });
         })?;
         Ok(found)
@@ -174,6 +177,51 @@ impl Tree {
             all.par_extend(hits.filter(|(_, hits)| !hits.is_empty()));
         })?;
         Ok(all)
+    }
+}
+
+/// How the rays of a batch are cast: as the core's batches, or one by one, counting what each cost.
+trait Cost: Copy + Default + Send + Sync {
+    fn closest_hits(
+        tree: &splitplane::Tree,
+        rays: &[Ray],
+        hits: &mut [Option<Hit>],
+        costs: &mut [Self],
+    );
+    fn any_hits(tree: &splitplane::Tree, rays: &[Ray], hits: &mut [bool], costs: &mut [Self]);
+}
+
+impl Cost for () {
+    fn closest_hits(
+        tree: &splitplane::Tree,
+        rays: &[Ray],
+        hits: &mut [Option<Hit>],
+        _: &mut [Self],
+    ) {
+        tree.closest_hits(rays, hits);
+    }
+
+    fn any_hits(tree: &splitplane::Tree, rays: &[Ray], hits: &mut [bool], _: &mut [Self]) {
+        tree.any_hits(rays, hits);
+    }
+}
+
+impl Cost for Counts {
+    fn closest_hits(
+        tree: &splitplane::Tree,
+        rays: &[Ray],
+        hits: &mut [Option<Hit>],
+        costs: &mut [Self],
+    ) {
+        for ((ray, hit), cost) in rays.iter().zip(hits).zip(costs) {
+            *hit = tree.closest_hit(ray, cost);
+        }
+    }
+
+    fn any_hits(tree: &splitplane::Tree, rays: &[Ray], hits: &mut [bool], costs: &mut [Self]) {
+        for ((ray, hit), cost) in rays.iter().zip(hits).zip(costs) {
+            *hit = tree.any_hit(ray, cost);
+        }
     }
 }
 
@@ -205,6 +253,11 @@ impl<'a> Rays<'a> {
 
     fn len(&self) -> usize {
         self.numbers.len() / self.columns
+    }
+
+    /// That many rays in a row.
+    fn chunk(&self, start: usize, count: usize) -> Vec<Ray> {
+        (start..start + count).map(|i| self.get(i)).collect()
     }
 
     #[inline]
@@ -247,19 +300,50 @@ impl Tree {
         layout: &str,
         nthreads: usize,
     ) -> PyResult<Self> {
-        let triangles = triple(batch::rows(&triangles, "triangles", &[3])?.0);
-        let mesh = if let Ok(positions) = positions.extract::<PyReadonlyArray2<'_, f64>>() {
-            let positions = triple(batch::rows(&positions, "vertices", &[3])?.0);
-            Mesh::from_f64(&positions, triangles)
-        } else {
-            let positions = positions.extract::<PyReadonlyArray2<'_, f32>>()?;
-            Mesh::new(
-                triple(batch::rows(&positions, "vertices", &[3])?.0),
-                triangles,
-            )
-        };
-        let mesh = mesh.map_err(|error| PyValueError::new_err(error.to_string()))?;
+        let mesh = mesh_of(positions, &triangles)?;
         Tree::over(py, &mesh, starts, (tree, layout), nthreads)
+    }
+
+    /// The tree in a file, over the same mesh as this one's would be; arguments as for the tree
+    /// that is built.
+    #[staticmethod]
+    fn load(
+        py: Python<'_>,
+        path: PathBuf,
+        positions: &Bound<'_, PyAny>,
+        triangles: PyReadonlyArray2<'_, u32>,
+        starts: Vec<u32>,
+    ) -> PyResult<Self> {
+        let mesh = mesh_of(positions, &triangles)?;
+        let mut settings = Settings::of_preset(Preset::Default);
+        let built = interruptible(py, |_| {
+            let built = splitplane_lab::load_tree(&path, &mesh, &mut settings);
+            built.map(|built| (built, settings))
+        })?;
+        let (built, settings) = built.map_err(|error| match error {
+            LabError::LoadTree {
+                source: LoadError::Read(source),
+                path,
+            } => io_error(source, &path),
+            error => PyValueError::new_err(error.to_string()),
+        })?;
+        Ok(Tree {
+            built,
+            settings,
+            starts,
+        })
+    }
+
+    /// Writes the tree to a file.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        py.detach(|| self.built.tree.save(&path))
+            .map_err(|error| io_error(error, &path))
+    }
+
+    /// How the nodes are stored.
+    #[getter]
+    fn layout(&self) -> &'static str {
+        self.built.tree.layout().name()
     }
 
     /// The position in space of the (0, 0, 0) that rays and points are counted from.
@@ -462,6 +546,27 @@ impl Tree {
     pub(crate) fn built(&self) -> &Built {
         &self.built
     }
+}
+
+/// The error as Python has it: FileNotFoundError, PermissionError and so on, with the file's name.
+fn io_error(error: std::io::Error, path: &Path) -> PyErr {
+    let text = format!("{}: {error}", path.display());
+    std::io::Error::new(error.kind(), text).into()
+}
+
+fn mesh_of(positions: &Bound<'_, PyAny>, triangles: &PyReadonlyArray2<'_, u32>) -> PyResult<Mesh> {
+    let triangles = triple(batch::rows(triangles, "triangles", &[3])?.0);
+    let mesh = if let Ok(positions) = positions.extract::<PyReadonlyArray2<'_, f64>>() {
+        let positions = triple(batch::rows(&positions, "vertices", &[3])?.0);
+        Mesh::from_f64(&positions, triangles)
+    } else {
+        let positions = positions.extract::<PyReadonlyArray2<'_, f32>>()?;
+        Mesh::new(
+            triple(batch::rows(&positions, "vertices", &[3])?.0),
+            triangles,
+        )
+    };
+    mesh.map_err(|error| PyValueError::new_err(error.to_string()))
 }
 
 /// Numbers by threes.

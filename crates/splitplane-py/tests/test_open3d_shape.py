@@ -261,3 +261,40 @@ def test_the_same_as_open3d():
     view = (60.0, [0, 0, 0], [3.0, -2, 1], [0, 0, 1], 64, 48)
     expected = theirs.create_rays_pinhole(*view).numpy()
     assert np.allclose(ours.create_rays_pinhole(*view), expected, atol=1e-5)
+
+
+def test_a_saved_scene_answers_as_before(tmp_path):
+    path = tmp_path / "two.spt"
+    rays = rays_at(500)
+
+    def scene(**options):
+        made = RaycastingScene(**options)
+        made.add_triangles(*torus())
+        made.add_triangles(*torus(24, (0.0, 0.0, 1.5)))
+        return made
+
+    for layout in ("binary", "wide"):
+        first = scene(tree="wn+kd:6", layout=layout)
+        first.save(path)
+        again = scene(tree="kd").load(path)
+        expected = first.cast_rays(rays, stats=True)
+        for name, array in again.cast_rays(rays, stats=True).items():
+            assert np.array_equal(array, expected[name]), name
+        assert again.card()["tree"] == "wn+kd" and "wn+kd:6" in repr(again)
+
+
+def test_a_file_that_is_not_the_trees_is_refused(tmp_path):
+    scene = RaycastingScene()
+    scene.add_triangles(*torus())
+    path = tmp_path / "one.spt"
+    scene.save(path)
+    scene.add_triangles(*torus(24))
+    with pytest.raises(ValueError, match="tree of another mesh"):
+        scene.load(path)
+    path.write_bytes(path.read_bytes()[:-1])
+    with pytest.raises(ValueError, match="damaged"):
+        scene.load(path)
+    with pytest.raises(FileNotFoundError, match="none.spt"):
+        scene.load(tmp_path / "none.spt")
+    with pytest.raises(FileNotFoundError):
+        scene.save(tmp_path / "nowhere" / "tree.spt")

@@ -4,8 +4,7 @@
 
 use std::sync::Arc;
 
-use rayon::prelude::*;
-use splitplane::{Aabb, BuildParams, Counts, Hit, Instances, Mesh, Ray, Transform, Tree};
+use splitplane::{Aabb, BuildParams, Counts, Instances, Mesh, Ray, Transform, Tree};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let positions = vec![
@@ -73,12 +72,17 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let rays: Vec<Ray> = (0..10_000)
         .map(|i| Ray::new([1e-4 * i as f32, 0.1, 5.0], [0.0, 0.0, -1.0]))
         .collect();
-    let hits: Vec<Option<Hit>> = rays
-        .par_iter()
-        .with_min_len(1024)
-        .map(|ray| tree.closest_hit(ray, &mut ()))
-        .collect();
+    let mut hits = vec![None; rays.len()];
+    tree.closest_hits(&rays, &mut hits);
     assert!(hits.iter().flatten().count() > 8_000);
+
+    let folder = std::env::temp_dir().join(format!("splitplane-tour-{}", std::process::id()));
+    std::fs::create_dir_all(&folder)?;
+    let path = folder.join("mesh.spt");
+    tree.save(&path)?;
+    let loaded = Tree::load(&path, &mesh)?;
+    assert_eq!(loaded, tree);
+    std::fs::remove_dir_all(&folder)?;
 
     let mut counts = Counts::default();
     tree.closest_hit(&Ray::new([0.2, 0.2, 5.0], [0.0, 0.0, -1.0]), &mut counts);

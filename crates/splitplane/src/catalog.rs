@@ -302,7 +302,7 @@ pub enum ParseTreeError {
 }
 
 /// The most directions that a tree may be asked to test in a node.
-const MAX_DIRECTION_COUNT: u32 = 64;
+pub(crate) const MAX_DIRECTION_COUNT: u32 = 64;
 
 fn tree_names() -> String {
     let names: Vec<String> = TREES

@@ -20,6 +20,7 @@
 //! | [`closest_point`](Tree::closest_point), [`signed_distance`](Tree::signed_distance), [`contains`](Tree::contains) | points |
 //! | [`triangles_in_box`](Tree::triangles_in_box), [`triangles_in_sphere`](Tree::triangles_in_sphere) | overlaps |
 //! | [`card`](Tree::card), [`section`](Tree::section), [`validate`](Tree::validate) | the tree itself |
+//! | [`save`](Tree::save), [`load`](Tree::load) | files |
 //!
 //! [`Instances`] are trees that are placed in space, each as often as need be, and answer the same
 //! rays. A tree is shared between threads: cast many rays with rayon's `par_iter`, or any other.
@@ -71,8 +72,13 @@ mod geometry;
 mod instances;
 mod query;
 mod tree;
+mod whole;
 
 #[doc = include_str!("../REFERENCES.md")]
+#[allow(
+    rustdoc::broken_intra_doc_links,
+    reason = "keys of papers are in brackets, as they are where papers are cited"
+)]
 pub mod references {
     /// The page as text: a paragraph for each paper, `**[Key]** …`.
     pub const TEXT: &str = include_str!("../REFERENCES.md");
@@ -86,9 +92,11 @@ pub use geometry::{Aabb, Mesh, MeshError, Ray, Skipped};
 pub use instances::{InstanceHit, Instances, InstancesError, Transform, TransformError};
 pub use query::{ClosestPoint, Counters, Counts, Hit, Traversal, brute_force};
 pub use tree::{
-    Axis, Layout, NodeCounts, Section, SectionCell, SectionSegment, Tree, TreeCard, ValidateError,
-    WideCard,
+    Axis, Layout, LoadError, NodeCounts, Section, SectionCell, SectionSegment, Tree, TreeCard,
+    ValidateError, WideCard,
 };
+#[doc(hidden)]
+pub use whole::write_whole;
 
 #[cfg(test)]
 mod testing {

@@ -2,32 +2,38 @@
 
 use std::collections::BTreeMap;
 
-use splitplane_lab::{CardRecord, Layouts, Preset, build, median};
+use splitplane_lab::{CardRecord, Layouts, Preset, median, save_tree};
 
 use crate::args::BuildCommand;
-use crate::failure::Failure;
+use crate::failure::{Failure, writable_place};
 use crate::numbers::{bytes, count, grouped, measured, percent, seconds};
 use crate::progress::{self, Bar};
 use crate::{print, scene};
 
 pub fn run(command: &BuildCommand) -> Result<(), Failure> {
     let quiet = command.general.quiet;
+    if let Some(out) = &command.out {
+        writable_place(out)?;
+        if command.tree.len() > 1 {
+            return Err(Failure::input("--out takes one tree; name one with --tree"));
+        }
+    }
     let mut settings = command.build.settings(Preset::Default, &command.general);
     settings.layouts = Layouts::both(command.layout);
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, quiet)?;
-    let mut cards = Vec::new();
-    for repetition in 0..command.repeat {
-        for &tree in &command.tree {
-            let which = match command.repeat {
-                1 => String::new(),
-                repeat => format!(" ({} of {repeat})", repetition + 1),
-            };
-            bar.spin(format!("{tree}: building the tree{which}"));
-            let built = build(&scene.mesh, tree, &settings, &bar)?;
+    let (mut cards, mut last) = (Vec::new(), None);
+    for _ in 0..command.repeat {
+        for tree in &command.tree {
+            let built = scene::tree(tree, &scene.mesh, &command.build, &mut settings, &bar)?;
             cards.push(CardRecord::new(&built, &scene.name, &settings));
+            last = Some(built.tree);
         }
+    }
+    if let (Some(out), Some(tree)) = (&command.out, last) {
+        bar.spin(format!("writing {}", out.display()));
+        save_tree(out, &tree)?;
     }
     progress::clear();
     match (&cards[..], command.json) {

@@ -5,12 +5,11 @@ use std::io::{self, BufReader, Read};
 use std::path::Path;
 
 use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
-use rayon::prelude::*;
 use splitplane::{Hit, Ray, TREES, Tree, TreeChoice};
-use splitplane_lab::{LabError, Layouts, Preset, build, write_whole};
+use splitplane_lab::{LabError, Layouts, Preset, write_whole};
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
-use crate::args::{CastCommand, Query, layout};
+use crate::args::{CastCommand, Query, TreeSource, layout};
 use crate::failure::{Failure, writable_place};
 use crate::numbers::{count, grouped, seconds};
 use crate::progress::{self, Bar};
@@ -26,12 +25,15 @@ pub fn run(command: &CastCommand) -> Result<(), Failure> {
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, quiet)?;
-    let tree = match command.tree {
-        Some(tree) => tree,
-        None => TreeChoice::new(TREES[0].name, None).map_err(Failure::input)?,
+    let source = match &command.tree {
+        Some(tree) => tree.clone(),
+        None => TreeSource::Built(TreeChoice::new(TREES[0].name, None).map_err(Failure::input)?),
     };
-    bar.spin(format!("{tree}: building the tree"));
-    let built = build(&scene.mesh, tree, &settings, &bar)?;
+    let built = scene::tree(&source, &scene.mesh, &command.build, &mut settings, &bar)?;
+    let (tree, made) = match source {
+        TreeSource::Built(tree) => (tree, "built"),
+        TreeSource::Saved(_) => (built.tree.choice(), "loaded"),
+    };
     bar.spin(format!("casting {}", count(rays.len() as u64, "ray")));
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(command.general.threads())
@@ -53,7 +55,7 @@ pub fn run(command: &CastCommand) -> Result<(), Failure> {
         source,
     })?;
     print::line(&format!(
-        "{} of {} hit {} ({}; {tree} built in {}, cast in {})",
+        "{} of {} hit {} ({}; {tree} {made} in {}, cast in {})",
         grouped(hits.count() as u64),
         count(rays.len() as u64, "ray"),
         scene.name,
@@ -182,13 +184,17 @@ enum Hits {
 
 impl Hits {
     fn of(tree: &Tree, rays: &[Ray], query: Query) -> Hits {
-        // Enough rays at a time that handing them out costs nothing.
-        let rays = rays.par_iter().with_min_len(1024);
         match query {
             Query::Closest => {
-                Hits::Closest(rays.map(|ray| tree.closest_hit(ray, &mut ())).collect())
+                let mut hits = vec![None; rays.len()];
+                tree.closest_hits(rays, &mut hits);
+                Hits::Closest(hits)
             }
-            Query::Any => Hits::Any(rays.map(|ray| tree.any_hit(ray, &mut ())).collect()),
+            Query::Any => {
+                let mut hits = vec![false; rays.len()];
+                tree.any_hits(rays, &mut hits);
+                Hits::Any(hits)
+            }
         }
     }
 

@@ -5,12 +5,12 @@ use std::sync::Mutex;
 use std::time::{Duration, Instant};
 
 use splitplane::{TREES, TreeChoice};
-use splitplane_lab::{LabError, Layouts, Preset, RenderTime, build, record, write_records};
+use splitplane_lab::{LabError, Layouts, Preset, RenderTime, record, write_records};
 use splitplane_render::output::{write_bytes, write_exr, write_png};
 use splitplane_render::render::{Checkpoint, Partial, Progress, render_from};
 use splitplane_render::scene::Scene;
 
-use crate::args::{RenderCommand, layout};
+use crate::args::{RenderCommand, TreeSource, layout};
 use crate::failure::{Failure, writable_folder, writable_place};
 use crate::numbers::{count, grouped, seconds};
 use crate::progress::{self, Bar};
@@ -30,12 +30,16 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
     command
         .picture
         .apply(&mut settings.render, (scene.film.width, scene.film.height));
-    let tree = match command.tree {
-        Some(tree) => tree,
-        None => tree_of(&scene, quiet)?,
+    let source = match &command.tree {
+        Some(tree) => tree.clone(),
+        None => TreeSource::Built(tree_of(&scene, quiet)?),
     };
-    bar.spin(format!("{tree}: building the tree"));
-    let built = build(&scene.mesh, tree, &settings, &bar)?;
+    let built = scene::tree(&source, &scene.mesh, &command.build, &mut settings, &bar)?;
+    let tree = built.tree.choice();
+    let made = match source {
+        TreeSource::Built(_) => "built",
+        TreeSource::Saved(_) => "loaded",
+    };
     bar.spin(format!("{tree}: rendering"));
     let path = |extension: &str| -> PathBuf {
         let name = scene::file_name(&scene.name);
@@ -77,7 +81,7 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
         write_records(json, std::slice::from_ref(&record))?;
     }
     print::line(&format!(
-        "{} with {tree}: {} x {} pixels, {} per pixel, built in {}, rendered in {}",
+        "{} with {tree}: {} x {} pixels, {} per pixel, {made} in {}, rendered in {}",
         scene.name,
         picture.width,
         picture.height,

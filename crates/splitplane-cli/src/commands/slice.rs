@@ -1,6 +1,7 @@
 //! `splitplane slice`: a picture of splitting.
 
-use splitplane_lab::{Preset, Slice, SliceSettings, build};
+use splitplane::Layout;
+use splitplane_lab::{Preset, Slice, SliceSettings};
 
 use crate::args::SliceCommand;
 use crate::failure::{Failure, writable_place};
@@ -11,12 +12,24 @@ use crate::{print, scene};
 pub fn run(command: &SliceCommand) -> Result<(), Failure> {
     writable_place(&command.out)?;
     let quiet = command.general.quiet;
-    let settings = command.build.settings(Preset::Default, &command.general);
+    let mut settings = command.build.settings(Preset::Default, &command.general);
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, quiet)?;
-    bar.spin(format!("{}: building the tree", command.tree));
-    let built = build(&scene.mesh, command.tree, &settings, &bar)?;
+    let built = scene::tree(
+        &command.tree,
+        &scene.mesh,
+        &command.build,
+        &mut settings,
+        &bar,
+    )?;
+    let tree = built.tree.choice();
+    if built.tree.layout() == Layout::Wide {
+        return Err(Failure::input(format!(
+            "{} is in the wide layout, which has no split planes; save the tree with --layout binary",
+            command.tree
+        )));
+    }
     let slice = SliceSettings {
         axis: command.axis.into(),
         at: command.at,
@@ -24,11 +37,11 @@ pub fn run(command: &SliceCommand) -> Result<(), Failure> {
         zoom: command.zoom,
         width: command.width,
     };
-    bar.spin(format!("{}: drawing", command.tree));
+    bar.spin(format!("{tree}: drawing"));
     let slice = Slice::draw(&scene, &built, &settings, &slice);
     slice.write(&command.out)?;
     progress::clear();
-    let segments = if command.tree.spec.objects {
+    let segments = if tree.spec.objects {
         format!("{} sides of boxes", grouped(slice.kd_segments))
     } else {
         format!(
@@ -38,9 +51,9 @@ pub fn run(command: &SliceCommand) -> Result<(), Failure> {
         )
     };
     print::line(&format!(
-        "{} with {}: {segments} around {} triangles; a random line in the plane tests {} triangles",
+        "{} with {tree}: {segments} around {} triangles; a random line in the plane tests {} \
+         triangles",
         scene.name,
-        command.tree,
         grouped(slice.triangles),
         measured(slice.expected_tests),
     ))?;

@@ -36,6 +36,16 @@ class Tree:
         layout: str,
         nthreads: int,
     ) -> Tree: ...
+    @staticmethod
+    def load(
+        path: str,
+        positions: NDArray[np.float32] | NDArray[np.float64],
+        triangles: NDArray[np.uint32],
+        starts: list[int],
+    ) -> Tree: ...
+    def save(self, path: str) -> None: ...
+    @property
+    def layout(self) -> str: ...
     @property
     def origin(self) -> list[float]: ...
     @property

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -185,23 +186,41 @@ class RaycastingScene:
         self._built = None
         return len(self._triangles) - 1
 
+    def _mesh(self) -> tuple[NDArray[np.float32], NDArray[np.uint32], list[int]]:
+        """The meshes as one, and the first triangle of each."""
+        shifts = np.cumsum([0] + [len(v) for v in self._vertices])
+        starts = np.cumsum([0] + [len(t) for t in self._triangles])
+        if shifts[-1] >= 2**32 - 1 or starts[-1] >= 2**32 - 1:
+            raise ValueError("more vertices or triangles than 32-bit indices can name")
+        triangles = [t + np.uint32(s) for t, s in zip(self._triangles, shifts)]
+        return (
+            np.concatenate([np.zeros((0, 3), np.float32), *self._vertices]),
+            np.concatenate([np.zeros((0, 3), np.uint32), *triangles]),
+            [int(start) for start in starts[:-1]] or [0],
+        )
+
     @property
     def _tree(self) -> _native.Tree:
         if self._built is None:
-            shifts = np.cumsum([0] + [len(v) for v in self._vertices])
-            starts = np.cumsum([0] + [len(t) for t in self._triangles])
-            if shifts[-1] >= 2**32 - 1 or starts[-1] >= 2**32 - 1:
-                raise ValueError("more vertices or triangles than 32-bit indices can name")
-            triangles = [t + np.uint32(s) for t, s in zip(self._triangles, shifts)]
-            self._built = _native.Tree(
-                np.concatenate([np.zeros((0, 3), np.float32), *self._vertices]),
-                np.concatenate([np.zeros((0, 3), np.uint32), *triangles]),
-                [int(start) for start in starts[:-1]] or [0],
-                self._name,
-                self._layout,
-                self._nthreads,
-            )
+            self._built = _native.Tree(*self._mesh(), self._name, self._layout, self._nthreads)
         return self._built
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Writes the tree to a file (``.spt``), whole or not at all; the meshes are not in it."""
+        self._tree.save(os.fspath(path))
+
+    def load(self, path: str | os.PathLike[str]) -> RaycastingScene:
+        """Takes the tree from a file instead of building it, over the meshes that were added.
+
+        The file is checked, and so is that it is the tree of these meshes. Tree and layout are
+        those of the file until a mesh is added.
+
+        Raises:
+            OSError: The file cannot be read.
+            ValueError: It is not a saved tree, is damaged, or is that of other meshes.
+        """
+        self._built = _native.Tree.load(os.fspath(path), *self._mesh())
+        return self
 
     def build(self) -> RaycastingScene:
         """Builds the tree now rather than with the first question."""
@@ -216,7 +235,7 @@ class RaycastingScene:
         count = sum(len(t) for t in self._triangles)
         return (
             f"<RaycastingScene of {len(self._triangles)} geometries, {count} triangles, "
-            f"tree {self._name!r}>"
+            f"tree {self._built.name if self._built else self._name!r}>"
         )
 
     def _repr_html_(self) -> str:

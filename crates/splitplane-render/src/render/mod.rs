@@ -224,7 +224,7 @@ pub enum RenderError {
          begin anew"
     )]
     OtherCheckpoint,
-    /// [`Progress::cancelled`] said so.
+    /// [`splitplane::Progress::cancelled`] said so.
     #[error("the rendering was cancelled")]
     Cancelled,
 }

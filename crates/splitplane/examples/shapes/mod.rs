@@ -1,10 +1,10 @@
 #![allow(dead_code, reason = "not every example uses all of them")]
 //! Meshes and a few vectors for the examples.
 
-pub type Triangles = (Vec<[f32; 3]>, Vec<[u32; 3]>);
+pub(crate) type Triangles = (Vec<[f32; 3]>, Vec<[u32; 3]>);
 
 /// A closed torus around the z axis: `radius` from its centre to that of the tube.
-pub fn torus(center: [f32; 3], radius: f32, tube: f32, segments: u32) -> Triangles {
+pub(crate) fn torus(center: [f32; 3], radius: f32, tube: f32, segments: u32) -> Triangles {
     let angle = |i: u32| std::f32::consts::TAU * i as f32 / segments as f32;
     let positions = (0..segments * segments)
         .map(|i| {
@@ -30,14 +30,14 @@ pub fn torus(center: [f32; 3], radius: f32, tube: f32, segments: u32) -> Triangl
 }
 
 /// A square in the plane z = `height`, seen from above.
-pub fn floor(height: f32, half: f32) -> Triangles {
+pub(crate) fn floor(height: f32, half: f32) -> Triangles {
     let positions = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
         .map(|(x, y): (f32, f32)| [x * half, y * half, height]);
     (positions.to_vec(), vec![[0, 1, 2], [0, 2, 3]])
 }
 
 /// Several meshes as one.
-pub fn join(parts: impl IntoIterator<Item = Triangles>) -> Triangles {
+pub(crate) fn join(parts: impl IntoIterator<Item = Triangles>) -> Triangles {
     let (mut positions, mut triangles) = (Vec::new(), Vec::new());
     for (own, corners) in parts {
         let shift = positions.len() as u32;
@@ -47,20 +47,20 @@ pub fn join(parts: impl IntoIterator<Item = Triangles>) -> Triangles {
     (positions, triangles)
 }
 
-pub fn add(a: [f32; 3], b: [f32; 3], scale: f32) -> [f32; 3] {
+pub(crate) fn add(a: [f32; 3], b: [f32; 3], scale: f32) -> [f32; 3] {
     std::array::from_fn(|i| a[i] + scale * b[i])
 }
 
-pub fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
+pub(crate) fn dot(a: [f32; 3], b: [f32; 3]) -> f32 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
-pub fn unit(a: [f32; 3]) -> [f32; 3] {
+pub(crate) fn unit(a: [f32; 3]) -> [f32; 3] {
     a.map(|c| c / dot(a, a).sqrt())
 }
 
 /// Two unit vectors across a unit vector.
-pub fn across([x, y, z]: [f32; 3]) -> [[f32; 3]; 2] {
+pub(crate) fn across([x, y, z]: [f32; 3]) -> [[f32; 3]; 2] {
     let sign = 1f32.copysign(z);
     let a = -1.0 / (sign + z);
     let b = x * y * a;
@@ -71,7 +71,7 @@ pub fn across([x, y, z]: [f32; 3]) -> [[f32; 3]; 2] {
 }
 
 /// The `i`th of `n` directions over the half-space of a unit vector, distributed by the cosine.
-pub fn hemisphere(normal: [f32; 3], i: u32, n: u32) -> [f32; 3] {
+pub(crate) fn hemisphere(normal: [f32; 3], i: u32, n: u32) -> [f32; 3] {
     // A spiral of equal steps in area, by the golden angle.
     let share = (i as f32 + 0.5) / n as f32;
     let angle = i as f32 * 2.399_963;
@@ -82,7 +82,7 @@ pub fn hemisphere(normal: [f32; 3], i: u32, n: u32) -> [f32; 3] {
 }
 
 /// A grey picture as a PGM file, rows from the top, values from 0 to 1.
-pub fn write_pgm(path: &str, width: usize, values: &[f32]) -> std::io::Result<()> {
+pub(crate) fn write_pgm(path: &str, width: usize, values: &[f32]) -> std::io::Result<()> {
     let mut bytes = format!("P5 {width} {} 255\n", values.len() / width).into_bytes();
     bytes.extend(
         values

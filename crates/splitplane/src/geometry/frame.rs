@@ -1,5 +1,6 @@
 //! Frames: axes of their own for the boxes of a subtree.
 
+use bytemuck::{Pod, Zeroable};
 use glam::DVec3;
 
 use super::Aabb;
@@ -8,7 +9,8 @@ use super::Aabb;
 /// coordinates `rows · p` of a point `p` of the world.
 ///
 /// The rows are what they are: no query relies on their being orthogonal.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(transparent)]
 pub(crate) struct Frame {
     pub(crate) rows: [[f32; 3]; 3],
 }

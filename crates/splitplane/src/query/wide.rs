@@ -351,12 +351,11 @@ impl<L: Lanes> Block<L> {
     #[inline(always)]
     fn to_arrays(&self) -> [[[f32; WIDTH]; 3]; 3] {
         let [a, b, c] = self.corners;
-        let corner = [
+        [
             [a[0].to_array(), a[1].to_array(), a[2].to_array()],
             [b[0].to_array(), b[1].to_array(), b[2].to_array()],
             [c[0].to_array(), c[1].to_array(), c[2].to_array()],
-        ];
-        corner
+        ]
     }
 }
 

@@ -81,10 +81,10 @@ pub struct WideCard {
 /// box.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Expected {
-    axis_visits: f64,
-    oblique_visits: f64,
+    pub(super) axis_visits: f64,
+    pub(super) oblique_visits: f64,
     /// Triangle tests by the size of the leaf.
-    tests: BTreeMap<u32, f64>,
+    pub(super) tests: BTreeMap<u32, f64>,
 }
 
 impl Expected {

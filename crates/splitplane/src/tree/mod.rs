@@ -2,11 +2,13 @@
 
 mod card;
 pub(crate) mod nodes;
+mod saved;
 mod section;
 mod validate;
 pub(crate) mod wide;
 
 pub use card::{NodeCounts, TreeCard, WideCard};
+pub use saved::LoadError;
 pub use section::{Axis, Section, SectionCell, SectionSegment};
 pub use validate::ValidateError;
 
@@ -214,7 +216,6 @@ impl Tree {
                 (Nodes::Oblique(nodes), references)
             }
         };
-        let bounds = mesh.bounds();
         Ok(Tree {
             mesh: mesh.clone(),
             choice,
@@ -222,16 +223,21 @@ impl Tree {
             nodes,
             shared,
             references,
-            expected: Expected::of(built, bounds.surface_area()),
+            expected: Expected::of(built, mesh.bounds().surface_area()),
             stats: built.stats,
-            place: Place {
-                bounds,
-                largest: mesh.largest_triangle(),
-                overhang: params.ties.overhang(&bounds),
-                traversal: Traversal::default(),
-            },
+            place: Tree::place_over(mesh, params),
             wide: None,
         })
+    }
+
+    fn place_over(mesh: &Mesh, params: &BuildParams) -> Place {
+        let bounds = mesh.bounds();
+        Place {
+            bounds,
+            largest: mesh.largest_triangle(),
+            overhang: params.ties.overhang(&bounds),
+            traversal: Traversal::default(),
+        }
     }
 
     /// The mesh that the tree was built over.
@@ -267,6 +273,7 @@ impl Tree {
         card.wide = Some(wide.card());
         self.nodes = Nodes::Kd(Vec::new());
         self.references = Vec::new();
+        self.shared = Shared::default();
         self.wide = Some((wide, card));
         Ok(self)
     }

@@ -95,7 +95,7 @@ impl Leaf {
         let start = self.payload as usize;
         match self.count {
             0 | 1 => Some(self.triangles(references)),
-            count => references.get(start..start + count as usize),
+            count => references.get(start..)?.get(..count as usize),
         }
     }
 
@@ -114,7 +114,7 @@ impl Leaf {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Shared {
     /// The directions that indexed nodes name.
-    directions: Vec<[f32; 3]>,
+    pub(crate) directions: Vec<[f32; 3]>,
     /// How many bits name a direction.
     direction_bits: u32,
     /// Planes across an axis make kd nodes.
@@ -148,6 +148,8 @@ impl Shared {
 pub(crate) trait Layout: Pod + Send + Sync {
     /// The largest index of a child, and the largest leaf.
     fn limit(shared: &Shared) -> usize;
+    /// Whether the node says what a node of this layout can say, so that it can be viewed.
+    fn is_sound(&self, shared: &Shared) -> bool;
     fn view(&self, shared: &Shared) -> View;
     fn leaf(payload: u32, count: u32, shared: &Shared) -> Self;
     fn interior(plane: &SplitPlane, above: u32, shared: &Shared) -> Self;
@@ -172,6 +174,13 @@ pub(crate) trait Layout: Pod + Send + Sync {
 impl Layout for KdNode {
     fn limit(_: &Shared) -> usize {
         (u32::MAX >> KIND_BITS) as usize
+    }
+
+    fn is_sound(&self, _: &Shared) -> bool {
+        match self.meta & KIND_MASK {
+            LEAF => true,
+            kind => kind < LEAF && f32::from_bits(self.payload).is_finite(),
+        }
     }
 
     #[inline(always)]
@@ -209,6 +218,18 @@ impl Layout for KdNode {
 impl Layout for IndexedNode {
     fn limit(shared: &Shared) -> usize {
         (u32::MAX >> shared.direction_bits) as usize
+    }
+
+    fn is_sound(&self, shared: &Shared) -> bool {
+        let leaf = (1 << shared.direction_bits) - 1;
+        match self.meta & leaf {
+            index if index == leaf => true,
+            index => {
+                let direction = shared.directions.get(index as usize);
+                direction.is_some_and(|d| d.iter().all(|c| c.is_finite()))
+                    && f32::from_bits(self.payload).is_finite()
+            }
+        }
     }
 
     #[inline(always)]
@@ -268,6 +289,16 @@ impl Layout for ObliqueNode {
         KdNode::limit(shared)
     }
 
+    fn is_sound(&self, shared: &Shared) -> bool {
+        match self.kd.meta & KIND_MASK {
+            OBLIQUE | OBLIQUE_AXIS => {
+                self.normal.iter().all(|c| c.is_finite())
+                    && f32::from_bits(self.kd.payload).is_finite()
+            }
+            _ => self.kd.is_sound(shared),
+        }
+    }
+
     #[inline(always)]
     fn view(&self, shared: &Shared) -> View {
         let kind = self.kd.meta & KIND_MASK;
@@ -311,6 +342,14 @@ impl Layout for ObliqueNode {
 impl Layout for BoxNode {
     fn limit(shared: &Shared) -> usize {
         KdNode::limit(shared)
+    }
+
+    fn is_sound(&self, shared: &Shared) -> bool {
+        !self.min.iter().chain(&self.max).any(|c| c.is_nan())
+            && match self.kd.meta & KIND_MASK {
+                LEAF => true,
+                kind => kind == 0 && (self.kd.payload as usize) < shared.frames.len().max(1),
+            }
     }
 
     #[inline(always)]

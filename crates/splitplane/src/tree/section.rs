@@ -118,7 +118,8 @@ fn perimeter(polygon: &[[f64; 2]]) -> f64 {
 impl Tree {
     /// The tree and its mesh, cut by the plane across `axis` at the coordinate `offset` (in scene
     /// units), down to cells at depth `max_depth`; `u32::MAX`: to the leaves. Empty where the
-    /// plane does not meet the scene's box.
+    /// plane does not meet the scene's box. Of a tree in the wide layout, whose planes are gone,
+    /// there are the boxes.
     pub fn section(&self, axis: Axis, offset: f64, max_depth: u32) -> Section {
         let plane = Plane { axis, offset };
         let Some(bounds) = plane.meet_box(&self.bounds()) else {

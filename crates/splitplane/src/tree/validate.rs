@@ -1,8 +1,9 @@
 use glam::DVec3;
 
 use super::nodes::{Layout, View};
-use super::wide::{Child, Wide};
+use super::wide::{Child, MAX_DEPTH, MAX_FRAMES, WIDTH, Wide};
 use super::{Tree, with_nodes};
+use crate::build::BuildParams;
 use crate::geometry::Frame;
 use crate::geometry::polytope::{CutScratch, Polytope};
 
@@ -43,11 +44,11 @@ impl Tree {
     /// # Errors
     /// The first promise that is broken, and where.
     pub fn validate(&self) -> Result<(), ValidateError> {
+        self.check_structure()?;
         if let Some(wide) = self.wide() {
             return self.validate_wide(wide);
         }
         with_nodes!(self, nodes => {
-            self.validate_structure(nodes)?;
             if self.choice.spec.objects {
                 return self.validate_boxes(nodes);
             }
@@ -56,21 +57,48 @@ impl Tree {
         })
     }
 
-    fn validate_structure<N: Layout>(&self, nodes: &[N]) -> Result<(), ValidateError> {
+    /// Checks what queries rely on for their indices and their ends: that the nodes are a tree of
+    /// no more than the greatest depth, and that all that they name is there.
+    pub(super) fn check_structure(&self) -> Result<(), ValidateError> {
+        match self.wide() {
+            Some(wide) => self.check_wide(wide),
+            None => with_nodes!(self, nodes => self.check_binary(nodes)),
+        }
+    }
+
+    /// Per triangle, whether it can be hit.
+    fn hittable(&self) -> Vec<bool> {
+        let mut hittable = vec![false; self.mesh.triangles().len()];
+        for &triangle in self.mesh.usable_triangles() {
+            hittable[triangle as usize] = true;
+        }
+        hittable
+    }
+
+    fn check_binary<N: Layout>(&self, nodes: &[N]) -> Result<(), ValidateError> {
         let broken = |node, what| Err(ValidateError::Structure { node, what });
+        let hittable = self.hittable();
         let mut seen = vec![false; nodes.len()];
-        let mut pending = vec![0];
-        while let Some(at) = pending.pop() {
+        let mut pending = vec![(0, 0)];
+        while let Some((at, depth)) = pending.pop() {
             if at >= nodes.len() {
                 return broken(at, "does not exist");
             }
             if std::mem::replace(&mut seen[at], true) {
                 return broken(at, "has two parents");
             }
+            if depth > BuildParams::MAX_DEPTH {
+                return broken(at, "is too deep");
+            }
+            if !nodes[at].is_sound(&self.shared) {
+                return broken(at, "is none of its kind");
+            }
             match nodes[at].view(&self.shared) {
                 View::Axis { above, .. }
                 | View::Oblique { above, .. }
-                | View::Objects { above, .. } => pending.extend([above, at + 1]),
+                | View::Objects { above, .. } => {
+                    pending.extend([(above, depth + 1), (at + 1, depth + 1)]);
+                }
                 View::Leaf(leaf) => {
                     let Some(triangles) = leaf.try_triangles(&self.references) else {
                         return broken(at, "has references that do not exist");
@@ -78,12 +106,68 @@ impl Tree {
                     if triangles.windows(2).any(|pair| pair[0] >= pair[1]) {
                         return broken(at, "lists a triangle twice or out of order");
                     }
-                    let usable = self.mesh.usable_triangles();
-                    if triangles
+                    if !triangles
                         .iter()
-                        .any(|triangle| usable.binary_search(triangle).is_err())
+                        .all(|&i| hittable.get(i as usize) == Some(&true))
                     {
                         return broken(at, "lists a triangle that cannot be hit");
+                    }
+                }
+            }
+        }
+        match seen.iter().position(|&seen| !seen) {
+            Some(at) => broken(at, "has no parent"),
+            None => Ok(()),
+        }
+    }
+
+    fn check_wide(&self, wide: &Wide) -> Result<(), ValidateError> {
+        let broken = |node, what| Err(ValidateError::Structure { node, what });
+        let hittable = self.hittable();
+        if wide.corners.len() != 9 * wide.triangles.len() + WIDTH {
+            return broken(0, "has leaves without corners");
+        }
+        if wide.frames.is_empty() || wide.frames.len() > MAX_FRAMES {
+            return broken(0, "has no frame, or too many");
+        }
+        if !wide
+            .triangles
+            .iter()
+            .all(|&i| hittable.get(i as usize) == Some(&true))
+        {
+            return broken(0, "lists a triangle that cannot be hit");
+        }
+        let mut seen = vec![false; wide.nodes.len()];
+        let mut pending = vec![(0, 1)];
+        while let Some((at, depth)) = pending.pop() {
+            let Some(node) = wide.nodes.get(at) else {
+                return broken(at, "does not exist");
+            };
+            if std::mem::replace(&mut seen[at], true) {
+                return broken(at, "has two parents");
+            }
+            if depth > MAX_DEPTH {
+                return broken(at, "is too deep");
+            }
+            if node.frame as usize >= wide.frames.len() {
+                return broken(at, "has a frame that does not exist");
+            }
+            for slot in 0..WIDTH {
+                let side = |row: usize| [0, 1, 2].map(|axis| node.bounds[row + axis][slot]);
+                let (low, high) = (side(0), side(3));
+                // A child that is nearly absent would be met: see `present`.
+                if low == [f32::INFINITY; 3] && high == [f32::NEG_INFINITY; 3] {
+                    continue;
+                }
+                if !low.iter().zip(&high).all(|(low, high)| low <= high) {
+                    return broken(at, "has a box that is not one");
+                }
+                match node.children[slot].child() {
+                    Child::Node(child) => pending.push((child, depth + 1)),
+                    Child::Leaf { start, count } => {
+                        if start + count > wide.triangles.len() {
+                            return broken(at, "has references that do not exist");
+                        }
                     }
                 }
             }
@@ -131,16 +215,9 @@ impl Tree {
     /// The same for the boxes of wide nodes.
     fn validate_wide(&self, wide: &Wide) -> Result<(), ValidateError> {
         let mut cover = Cover::new(self);
-        let mut seen = vec![false; wide.nodes.len()];
         let mut path: Vec<(usize, usize)> = Vec::new();
         let mut pending = vec![(0, 0usize, None)];
         while let Some((at, depth, slot)) = pending.pop() {
-            if std::mem::replace(&mut seen[at], true) {
-                return Err(ValidateError::Structure {
-                    node: at,
-                    what: "has two parents",
-                });
-            }
             path.truncate(depth.saturating_sub(1));
             path.extend(slot);
             let node = &wide.nodes[at];
@@ -155,10 +232,6 @@ impl Tree {
                     }
                 }
             }
-        }
-        if let Some(node) = seen.iter().position(|&seen| !seen) {
-            let what = "has no parent";
-            return Err(ValidateError::Structure { node, what });
         }
         cover.finish()
     }

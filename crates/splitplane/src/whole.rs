@@ -4,6 +4,8 @@ use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+/// For the crates of this workspace.
+///
 /// Writes a file by `fill`: beside its place first, then moved there, so that nobody ever sees
 /// half of it and a failure leaves the file that was there. A link is followed; what is no
 /// ordinary file (a pipe, a device) is written to directly.

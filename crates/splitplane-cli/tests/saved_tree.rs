@@ -1,0 +1,84 @@
+//! `splitplane build -o tree.spt`, and `--tree tree.spt` where trees are taken.
+
+mod common;
+
+use common::{folder, hills_scene, outcome, splitplane};
+
+#[test]
+fn a_saved_tree_answers_as_the_one_that_was_built() {
+    let folder = folder();
+    let scene = hills_scene(folder.path(), "");
+    let scene = scene.to_str().unwrap();
+    let run = |arguments: &[&str]| outcome(splitplane(&folder).args(arguments));
+    let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap();
+    for layout in ["binary", "wide"] {
+        let save = ["--tree", "wn+kd:6", "--layout", layout, "-o", "hills.spt"];
+        let (code, card, err) = run(&[&["build", scene], &save[..]].concat());
+        assert_eq!(code, 0, "{err}");
+        assert!(card.contains("wn+kd:6"), "{card}");
+        for (tree, out) in [("wn+kd:6", "built"), ("hills.spt", "loaded")] {
+            let (code, said, err) = run(&["render", scene, "--tree", tree, "--out", out]);
+            assert_eq!(code, 0, "{err}");
+            assert!(said.contains(&format!("{out} in")), "{said}");
+        }
+        assert_eq!(read("built/hills.png"), read("loaded/hills.png"));
+    }
+    // What is in the file is of the wide layout now: no planes to draw.
+    let draw = ["slice", scene, "--tree", "hills.spt", "-o", "slice.svg"];
+    let (code, _, err) = run(&draw);
+    assert_eq!(code, 2);
+    assert!(err.contains("--layout binary"), "{err}");
+    assert_eq!(
+        run(&["build", scene, "--tree", "kd", "-o", "hills.spt"]).0,
+        0
+    );
+    assert_eq!(run(&draw).0, 0);
+    // Nothing but what was asked for is left.
+    let mut names: Vec<_> = std::fs::read_dir(folder.path())
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    names.sort();
+    assert_eq!(
+        names,
+        ["built", "hills.pbrt", "hills.spt", "loaded", "slice.svg"]
+    );
+}
+
+#[test]
+fn what_is_not_the_tree_of_the_scene_is_refused_with_a_reason() {
+    let folder = folder();
+    let scene = hills_scene(folder.path(), "");
+    let scene = scene.to_str().unwrap();
+    let run = |arguments: &[&str]| outcome(splitplane(&folder).args(arguments));
+    assert_eq!(
+        run(&["build", scene, "--tree", "kd", "-o", "hills.spt"]).0,
+        0
+    );
+    let path = folder.path().join("hills.spt");
+    let whole = std::fs::read(&path).unwrap();
+    let refused = |arguments: &[&str], reason: &str| {
+        let (code, _, err) = run(arguments);
+        assert_eq!(code, 2, "{err}");
+        let text = err.split_whitespace().collect::<Vec<_>>().join(" ");
+        assert!(text.contains(reason), "{text}");
+    };
+    let load = ["build", scene, "--tree", "hills.spt"];
+    refused(
+        &["build", "truck", "--tree", "hills.spt"],
+        "tree of another mesh",
+    );
+    refused(
+        &[&load[..], &["--preset", "thesis"]].concat(),
+        "leave out --preset",
+    );
+    refused(&["build", scene, "--tree", "none.spt"], "none.spt");
+    refused(
+        &["build", scene, "--tree", "kd,wn+kd", "-o", "two.spt"],
+        "--out takes one tree",
+    );
+    std::fs::write(&path, &whole[..whole.len() - 1]).unwrap();
+    refused(&load, "damaged");
+    std::fs::write(&path, "a letter").unwrap();
+    refused(&load, "not a saved tree");
+}

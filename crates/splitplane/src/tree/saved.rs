@@ -1,0 +1,677 @@
+//! Trees in files.
+//!
+//! A file says what it is and in which version of this format, then of which mesh the tree is and
+//! how it was built, then lists the nodes as they are in memory, and ends with the SHA-256 of all
+//! before. Numbers are little-endian. The vertices are not in it: a tree is loaded over its mesh.
+//!
+//! Nothing that is read is trusted: a length is held against what is left of the file before memory
+//! is asked for, and every index against what it points into. So a file that was made to deceive,
+//! with the right sum, may give wrong hits; it cannot make a query panic, hang or read what is not
+//! its own.
+
+use std::fs::File;
+use std::io::{self, BufReader, Read, Write};
+use std::path::Path;
+
+use bytemuck::Pod;
+use sha2::{Digest, Sha256};
+
+use super::card::Expected;
+use super::nodes::Shared;
+use super::wide::{MAX_FRAMES, Wide};
+use super::{Kind, Layout, Nodes, Tree, TreeCard, ValidateError, with_nodes};
+use crate::build::{BuildParams, BuildStats, DepthLimit, ObliquePricing, Ties};
+use crate::catalog::{MAX_DIRECTION_COUNT, ParseTreeError, TreeChoice};
+use crate::geometry::{Frame, Mesh};
+use crate::whole::write_whole;
+
+/// As PNG's: shows where a transfer has changed line ends or cut off a bit.
+const MAGIC: [u8; 8] = *b"\x89SPT\r\n\x1a\n";
+
+/// Grows whenever what a file holds, or what that means, changes.
+const VERSION: u32 = 1;
+
+const SUM: u64 = 32;
+
+/// Why a saved tree was not loaded.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// The file could not be read.
+    #[error("cannot be read: {0}")]
+    Read(#[from] io::Error),
+    /// Something else than a saved tree.
+    #[error("is not a saved tree")]
+    NotATree,
+    /// Saved by a Splitplane with another format.
+    #[error(
+        "was saved in version {found} of the format, this Splitplane reads version {known}; build \
+         the tree again"
+    )]
+    Version {
+        /// The version of the file.
+        found: u32,
+        /// The version that is read.
+        known: u32,
+    },
+    /// The content is not what was written: cut short, or changed.
+    #[error("is damaged: it was cut short or changed")]
+    Damaged,
+    /// The tree is one over another mesh.
+    #[error(
+        "is the tree of another mesh, of {triangles} triangles and {vertices} vertices{}",
+        if *same_size { " as this one, but not the same" } else { "" }
+    )]
+    OtherMesh {
+        /// Triangles of that mesh.
+        triangles: u64,
+        /// Vertices of that mesh.
+        vertices: u64,
+        /// This mesh has as many of both.
+        same_size: bool,
+    },
+    /// The tree is of a kind that there is not.
+    #[error(transparent)]
+    Tree(#[from] ParseTreeError),
+    /// What was written was no tree.
+    #[error("is no sound tree: {0}")]
+    Unsound(#[from] ValidateError),
+    /// A number that cannot be, although the sum is right.
+    #[error("is no sound tree: {what}")]
+    Invalid {
+        /// What is wrong.
+        what: String,
+    },
+}
+
+impl Tree {
+    /// Writes the tree to a file, which is then either whole or as it was before. By custom its
+    /// name ends in `.spt`.
+    ///
+    /// The file has the nodes in the tree's layout, its parameters, and the SHA-256 of its mesh and
+    /// of all this; not the mesh. A [`Tree::with_traversal`] is not kept.
+    ///
+    /// ```
+    /// # use splitplane::{Mesh, Tree};
+    /// # let folder = std::env::temp_dir().join(format!("splitplane-doc-{}", std::process::id()));
+    /// # std::fs::create_dir_all(&folder)?;
+    /// # let path = folder.join("tree.spt");
+    /// # let mesh = Mesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]])?;
+    /// let tree = Tree::new(&mesh)?;
+    /// tree.save(&path)?;
+    /// assert_eq!(Tree::load(&path, &mesh)?, tree);
+    /// # std::fs::remove_dir_all(&folder)?;
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// What the system says; the file is as it was then.
+    pub fn save(&self, path: impl AsRef<Path>) -> io::Result<()> {
+        write_whole(path.as_ref(), |file| self.write_to(file))
+    }
+
+    /// Writes what [`Tree::save`] does, to wherever.
+    ///
+    /// # Errors
+    /// What `to` says.
+    pub fn write_to(&self, to: &mut impl Write) -> io::Result<()> {
+        let mut out = Output {
+            to,
+            sum: Sha256::new(),
+        };
+        out.bytes(&mut MAGIC.clone())?;
+        out.u32(&mut VERSION.clone())?;
+        let mut head = Head {
+            mesh: MeshId::of(&self.mesh),
+            name: self.choice.to_string(),
+            layout: Layout::ALL
+                .iter()
+                .position(|&l| l == self.layout())
+                .unwrap_or(0) as u32,
+            params: self.params.clone(),
+            stats: self.stats,
+            expected: self.expected.clone(),
+        };
+        head.pass(&mut out)?;
+        match &self.wide {
+            None => {
+                out.list(&self.shared.directions)?;
+                out.list(&self.shared.frames)?;
+                with_nodes!(self, nodes => out.list(nodes))?;
+                out.list(&self.references)?;
+            }
+            Some((wide, card)) => {
+                out.list(&[Scale {
+                    center: wide.center,
+                    half_extent: wide.half_extent,
+                }])?;
+                out.list(&wide.frames)?;
+                out.list(&wide.nodes)?;
+                out.list(&wide.corners)?;
+                out.list(&wide.triangles)?;
+                pass_card(&mut out, &mut card.clone())?;
+            }
+        }
+        let Output { to, sum } = out;
+        to.write_all(&sum.finalize())
+    }
+
+    /// Reads a tree that [`Tree::save`] wrote, over the same mesh.
+    ///
+    /// The file is read, not mapped: a file that others may change while it is mapped could change
+    /// under a query, and all of it is looked at anyway. Its sum is checked, and every index in it,
+    /// so that no file leads a query astray; see [`LoadError`].
+    ///
+    /// # Errors
+    /// The file cannot be read, is not a saved tree, is damaged, or is that of another mesh.
+    pub fn load(path: impl AsRef<Path>, mesh: &Mesh) -> Result<Tree, LoadError> {
+        let file = File::open(path)?;
+        let metadata = file.metadata()?;
+        if !metadata.is_file() {
+            return Err(LoadError::NotATree);
+        }
+        load(
+            BufReader::with_capacity(1 << 16, file),
+            metadata.len(),
+            mesh,
+        )
+    }
+
+    /// Reads what [`Tree::write_to`] wrote.
+    ///
+    /// # Errors
+    /// Those of [`Tree::load`].
+    pub fn from_bytes(bytes: &[u8], mesh: &Mesh) -> Result<Tree, LoadError> {
+        load(bytes, bytes.len() as u64, mesh)
+    }
+}
+
+fn load(from: impl Read, size: u64, mesh: &Mesh) -> Result<Tree, LoadError> {
+    let mut input = Input {
+        from,
+        left: size,
+        sum: Sha256::new(),
+    };
+    let (mut magic, mut version) = ([0; 8], 0);
+    if size < MAGIC.len() as u64 {
+        return Err(LoadError::NotATree);
+    }
+    input.bytes(&mut magic)?;
+    if magic != MAGIC {
+        return Err(LoadError::NotATree);
+    }
+    if input.left < 4 + SUM {
+        return Err(LoadError::Damaged);
+    }
+    input.left -= SUM;
+    input.u32(&mut version)?;
+    if version != VERSION {
+        return Err(LoadError::Version {
+            found: version,
+            known: VERSION,
+        });
+    }
+    let content = Content::read(&mut input);
+    // Whatever was found: what is damaged says nothing.
+    if !input.sum_is_right()? {
+        return Err(LoadError::Damaged);
+    }
+    let tree = content?.over(mesh)?;
+    tree.check_structure()?;
+    Ok(match tree.wide {
+        Some((wide, mut card)) => {
+            card.bytes = wide.bytes() as u64;
+            card.wide = Some(wide.card());
+            let wide = Some((wide, card));
+            Tree { wide, ..tree }
+        }
+        None => tree,
+    })
+}
+
+/// What a file holds, as it was read.
+struct Content {
+    head: Head,
+    choice: TreeChoice,
+    nodes: Nodes,
+    references: Vec<u32>,
+    directions: Vec<[f32; 3]>,
+    frames: Vec<Frame>,
+    wide: Option<(Wide, TreeCard)>,
+}
+
+impl Content {
+    fn read(input: &mut Input<impl Read>) -> Result<Content, LoadError> {
+        let mut head = Head::default();
+        head.pass(input).map_err(invalid)?;
+        let choice: TreeChoice = head.name.parse()?;
+        let mut content = Content {
+            head,
+            choice,
+            nodes: Nodes::Kd(Vec::new()),
+            references: Vec::new(),
+            directions: Vec::new(),
+            frames: Vec::new(),
+            wide: None,
+        };
+        content.read_lists(input).map_err(invalid)?;
+        if input.left > 0 {
+            return Err(invalid(wrong("something follows the tree")));
+        }
+        Ok(content)
+    }
+
+    fn read_lists(&mut self, input: &mut Input<impl Read>) -> io::Result<()> {
+        match Layout::ALL.get(self.head.layout as usize) {
+            Some(Layout::Binary) => {
+                self.directions = input.list()?;
+                self.frames = input.list()?;
+                self.nodes = match Kind::of(self.choice.spec) {
+                    Kind::Kd => Nodes::Kd(input.list()?),
+                    Kind::Indexed => Nodes::Indexed(input.list()?),
+                    Kind::Boxes => Nodes::Boxes(input.list()?),
+                    Kind::Oblique => Nodes::Oblique(input.list()?),
+                };
+                self.references = input.list()?;
+            }
+            Some(Layout::Wide) => {
+                let scale: Vec<Scale> = input.list()?;
+                let [
+                    Scale {
+                        center,
+                        half_extent,
+                    },
+                ] = scale[..]
+                else {
+                    return Err(wrong("one centre of the scene"));
+                };
+                let wide = Wide {
+                    frames: input.list()?,
+                    nodes: input.list()?,
+                    corners: input.list()?,
+                    triangles: input.list()?,
+                    center,
+                    half_extent,
+                };
+                let mut card = TreeCard::nothing(self.choice);
+                pass_card(input, &mut card)?;
+                self.wide = Some((wide, card));
+            }
+            None => return Err(wrong("a layout that there is not")),
+        }
+        Ok(())
+    }
+
+    /// The tree, with its indices as they were read.
+    fn over(self, mesh: &Mesh) -> Result<Tree, LoadError> {
+        let (saved, own) = (self.head.mesh, MeshId::of(mesh));
+        if saved != own {
+            return Err(LoadError::OtherMesh {
+                triangles: saved.triangles,
+                vertices: saved.vertices,
+                same_size: (saved.triangles, saved.vertices) == (own.triangles, own.vertices),
+            });
+        }
+        let params = self.head.params;
+        params.check().map_err(|error| LoadError::Invalid {
+            what: error.to_string(),
+        })?;
+        if self.directions.len() > MAX_DIRECTION_COUNT as usize {
+            return Err(invalid(wrong("too many directions")));
+        }
+        if self.frames.len() > MAX_FRAMES {
+            return Err(invalid(wrong("too many frames")));
+        }
+        let axis_nodes = self.choice.spec.axis_nodes;
+        Ok(Tree {
+            place: Tree::place_over(mesh, &params),
+            mesh: mesh.clone(),
+            choice: self.choice,
+            params,
+            nodes: self.nodes,
+            references: self.references,
+            shared: match self.wide {
+                Some(_) => Shared::default(),
+                None => Shared::new(self.directions, self.frames, axis_nodes),
+            },
+            expected: self.head.expected,
+            stats: self.head.stats,
+            wide: self.wide,
+        })
+    }
+}
+
+/// Which mesh a tree is over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct MeshId {
+    vertices: u64,
+    triangles: u64,
+    /// SHA-256 of vertices, triangles and origin.
+    sum: [u8; 32],
+}
+
+impl MeshId {
+    fn of(mesh: &Mesh) -> MeshId {
+        let mut out = Output {
+            to: &mut io::sink(),
+            sum: Sha256::new(),
+        };
+        let mut hash = || {
+            out.list(mesh.positions())?;
+            out.list(mesh.triangles())?;
+            mesh.origin().iter_mut().try_for_each(|c| out.f64(c))
+        };
+        hash().expect("a sink takes everything");
+        MeshId {
+            vertices: mesh.positions().len() as u64,
+            triangles: mesh.triangles().len() as u64,
+            sum: out.sum.finalize().into(),
+        }
+    }
+}
+
+/// What comes before the lists.
+#[derive(Default)]
+struct Head {
+    mesh: MeshId,
+    name: String,
+    layout: u32,
+    params: BuildParams,
+    stats: BuildStats,
+    expected: Expected,
+}
+
+/// What the wide layout knows of the scene.
+#[derive(Clone, Copy, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+struct Scale {
+    center: [f32; 3],
+    half_extent: f32,
+}
+
+impl Head {
+    fn pass(&mut self, by: &mut impl Pass) -> io::Result<()> {
+        by.u64(&mut self.mesh.vertices)?;
+        by.u64(&mut self.mesh.triangles)?;
+        by.bytes(&mut self.mesh.sum)?;
+        let mut name = std::mem::take(&mut self.name).into_bytes();
+        by.sequence(&mut name, |by, byte| by.bytes(std::slice::from_mut(byte)))?;
+        self.name = String::from_utf8(name).map_err(|_| wrong("the tree's name"))?;
+        by.u32(&mut self.layout)?;
+        pass_params(by, &mut self.params)?;
+        pass_stats(by, &mut self.stats)?;
+        let Expected {
+            axis_visits,
+            oblique_visits,
+            tests,
+        } = &mut self.expected;
+        by.f64(axis_visits)?;
+        by.f64(oblique_visits)?;
+        let mut pairs: Vec<(u32, f64)> =
+            tests.iter().map(|(&size, &tests)| (size, tests)).collect();
+        by.sequence(&mut pairs, |by, (size, tests)| {
+            by.u32(size)?;
+            by.f64(tests)
+        })?;
+        *tests = pairs.into_iter().collect();
+        Ok(())
+    }
+}
+
+fn pass_params(by: &mut impl Pass, params: &mut BuildParams) -> io::Result<()> {
+    let (mut pricing, mut alpha) = match params.oblique_pricing {
+        ObliquePricing::Published { alpha } => (0, alpha),
+        ObliquePricing::Fork { alpha } => (1, alpha),
+    };
+    let (mut depth, mut base, mut per_level, mut fixed) = match params.max_depth {
+        DepthLimit::Log2 { base, per_level } => (0, base, per_level, 0),
+        DepthLimit::Fixed(fixed) => (1, 0.0, 0.0, fixed),
+    };
+    let mut ties = match params.ties {
+        Ties::AsPublished => 0,
+        Ties::Tolerant => 1,
+    };
+    by.f64(&mut params.intersection_cost)?;
+    by.f64(&mut params.kd_traversal_cost)?;
+    by.f64(&mut params.oblique_traversal_cost)?;
+    by.u32(&mut pricing)?;
+    by.f64(&mut alpha)?;
+    by.f64(&mut params.empty_bonus)?;
+    by.u32(&mut params.max_prims)?;
+    by.u32(&mut depth)?;
+    by.f64(&mut base)?;
+    by.f64(&mut per_level)?;
+    by.u32(&mut fixed)?;
+    by.u32(&mut ties)?;
+    by.f64(&mut params.max_references)?;
+    by.u64(&mut params.seed)?;
+    params.oblique_pricing = match pricing {
+        0 => ObliquePricing::Published { alpha },
+        1 => ObliquePricing::Fork { alpha },
+        _ => return Err(wrong("how oblique nodes are priced")),
+    };
+    params.max_depth = match depth {
+        0 => DepthLimit::Log2 { base, per_level },
+        1 => DepthLimit::Fixed(fixed),
+        _ => return Err(wrong("the limit of depths")),
+    };
+    params.ties = match ties {
+        0 => Ties::AsPublished,
+        1 => Ties::Tolerant,
+        _ => return Err(wrong("how ties are treated")),
+    };
+    Ok(())
+}
+
+fn pass_stats(by: &mut impl Pass, stats: &mut BuildStats) -> io::Result<()> {
+    let wins = &mut stats.wins;
+    for count in [
+        &mut stats.bad_refines,
+        &mut stats.candidates,
+        &mut stats.uncut_cells,
+        &mut stats.limited_leaves,
+        &mut wins.axis,
+        &mut wins.direction,
+        &mut wins.triangle,
+        &mut wins.edge,
+    ] {
+        by.u64(count)?;
+    }
+    Ok(())
+}
+
+/// The card, but for what follows from the nodes.
+fn pass_card(by: &mut impl Pass, card: &mut TreeCard) -> io::Result<()> {
+    let nodes = &mut card.nodes;
+    for count in [
+        &mut card.triangles,
+        &mut nodes.kd,
+        &mut nodes.oblique,
+        &mut nodes.leaf,
+        &mut nodes.empty_leaf,
+        &mut card.references,
+        &mut card.largest_leaf,
+    ] {
+        by.u64(count)?;
+    }
+    by.u32(&mut card.depth)?;
+    by.sequence(&mut card.leaf_sizes, |by, (triangles, leaves)| {
+        by.u32(triangles)?;
+        by.u64(leaves)
+    })?;
+    by.sequence(&mut card.depths, |by, (kd, oblique)| {
+        by.u64(kd)?;
+        by.u64(oblique)
+    })?;
+    by.f64(&mut card.expected_visits)?;
+    by.f64(&mut card.expected_tests)?;
+    by.sequence(&mut card.tests_by_leaf_size, |by, (triangles, share)| {
+        by.u32(triangles)?;
+        by.f64(share)
+    })?;
+    by.f64(&mut card.sah_cost)?;
+    pass_stats(by, &mut card.build)
+}
+
+impl TreeCard {
+    /// A card to be filled.
+    fn nothing(choice: TreeChoice) -> TreeCard {
+        TreeCard {
+            choice,
+            triangles: 0,
+            nodes: Default::default(),
+            references: 0,
+            depth: 0,
+            largest_leaf: 0,
+            leaf_sizes: Vec::new(),
+            depths: Vec::new(),
+            expected_visits: 0.0,
+            expected_tests: 0.0,
+            tests_by_leaf_size: Vec::new(),
+            sah_cost: 0.0,
+            bytes: 0,
+            build: BuildStats::default(),
+            wide: None,
+        }
+    }
+}
+
+/// Numbers on their way into a file or out of one: what writes them and what reads them is the
+/// same function.
+trait Pass: Sized {
+    /// Writes these bytes, or puts what is read into their place.
+    fn bytes(&mut self, bytes: &mut [u8]) -> io::Result<()>;
+
+    fn u32(&mut self, number: &mut u32) -> io::Result<()> {
+        let mut bytes = number.to_le_bytes();
+        self.bytes(&mut bytes)?;
+        *number = u32::from_le_bytes(bytes);
+        Ok(())
+    }
+
+    fn u64(&mut self, number: &mut u64) -> io::Result<()> {
+        let mut bytes = number.to_le_bytes();
+        self.bytes(&mut bytes)?;
+        *number = u64::from_le_bytes(bytes);
+        Ok(())
+    }
+
+    fn f64(&mut self, number: &mut f64) -> io::Result<()> {
+        let mut bits = number.to_bits();
+        self.u64(&mut bits)?;
+        *number = f64::from_bits(bits);
+        Ok(())
+    }
+
+    /// A list of few things.
+    fn sequence<T: Default>(
+        &mut self,
+        list: &mut Vec<T>,
+        mut each: impl FnMut(&mut Self, &mut T) -> io::Result<()>,
+    ) -> io::Result<()> {
+        let mut count = list.len() as u64;
+        self.u64(&mut count)?;
+        // Not all at once: the number may be a lie.
+        for i in 0..count as usize {
+            if i == list.len() {
+                list.push(T::default());
+            }
+            each(self, &mut list[i])?;
+        }
+        Ok(())
+    }
+}
+
+struct Output<'a, W> {
+    to: &'a mut W,
+    sum: Sha256,
+}
+
+impl<W: Write> Pass for Output<'_, W> {
+    fn bytes(&mut self, bytes: &mut [u8]) -> io::Result<()> {
+        self.write(bytes)
+    }
+}
+
+impl<W: Write> Output<'_, W> {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.sum.update(bytes);
+        self.to.write_all(bytes)
+    }
+
+    /// A list of things that consist of numbers of four bytes, behind their count.
+    fn list<T: Pod>(&mut self, list: &[T]) -> io::Result<()> {
+        self.u64(&mut (list.len() as u64))?;
+        if cfg!(target_endian = "little") {
+            return self.write(bytemuck::cast_slice(list));
+        }
+        let words = bytemuck::cast_slice::<T, u32>(list);
+        words
+            .iter()
+            .try_for_each(|word| self.write(&word.to_le_bytes()))
+    }
+}
+
+struct Input<R> {
+    from: R,
+    /// Bytes before the sum.
+    left: u64,
+    sum: Sha256,
+}
+
+impl<R: Read> Pass for Input<R> {
+    fn bytes(&mut self, bytes: &mut [u8]) -> io::Result<()> {
+        self.left = (self.left)
+            .checked_sub(bytes.len() as u64)
+            .ok_or_else(|| wrong("more than there is"))?;
+        self.from.read_exact(bytes)?;
+        self.sum.update(&*bytes);
+        Ok(())
+    }
+}
+
+impl<R: Read> Input<R> {
+    fn list<T: Pod>(&mut self) -> io::Result<Vec<T>> {
+        let mut count = 0;
+        self.u64(&mut count)?;
+        if count > self.left / size_of::<T>() as u64 {
+            return Err(wrong("a list longer than the file"));
+        }
+        let mut list = vec![T::zeroed(); count as usize];
+        // In parts, so that what was read is still at hand when it is summed up.
+        for part in bytemuck::cast_slice_mut::<T, u8>(&mut list).chunks_mut(1 << 18) {
+            self.bytes(part)?;
+        }
+        if cfg!(target_endian = "big") {
+            for word in bytemuck::cast_slice_mut::<T, u32>(&mut list) {
+                *word = u32::from_le(*word);
+            }
+        }
+        Ok(list)
+    }
+
+    /// Reads what is left, and whether all that was read is what the sum says.
+    fn sum_is_right(mut self) -> io::Result<bool> {
+        let mut part = [0; 1 << 12];
+        while self.left > 0 {
+            let count = self.left.min(part.len() as u64) as usize;
+            self.bytes(&mut part[..count])?;
+        }
+        let mut sum = [0; SUM as usize];
+        self.from.read_exact(&mut sum)?;
+        Ok(sum == <[u8; SUM as usize]>::from(self.sum.finalize()))
+    }
+}
+
+/// What the content says cannot be.
+fn wrong(what: &'static str) -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidData, what)
+}
+
+fn invalid(error: io::Error) -> LoadError {
+    match error.kind() {
+        io::ErrorKind::InvalidData => LoadError::Invalid {
+            what: error.to_string(),
+        },
+        _ => LoadError::Read(error),
+    }
+}
