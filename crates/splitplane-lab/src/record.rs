@@ -327,7 +327,7 @@ pub struct WinsRecord {
 }
 
 /// A tree in the wide layout.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WideRecord {
     /// Nodes with up to eight children.
     pub nodes: u64,
@@ -337,6 +337,8 @@ pub struct WideRecord {
     pub references: u64,
     /// Depth of the deepest node; the root's is 0.
     pub depth: u32,
+    /// Nodes by the frame of their boxes, the world's axes first.
+    pub frames: Vec<u64>,
     /// Bytes of all of it.
     pub bytes: u64,
     /// Time to bring the tree into this layout, in seconds.
@@ -350,6 +352,7 @@ impl WideRecord {
             leaves: card.leaves,
             references: card.references,
             depth: card.depth,
+            frames: card.frames.clone(),
             bytes,
             seconds,
         }
@@ -423,7 +426,7 @@ impl CardRecord {
             wins: build.wins.into(),
             sah_cost,
             tree_bytes: bytes,
-            wide: built.wide_card,
+            wide: built.wide_card.clone(),
             machine: built.machine.clone(),
             version,
             commit,

@@ -422,7 +422,7 @@ pub fn record(
             true => settings.layouts.counted,
             false => settings.layouts.timed,
         }),
-        layout_s: built.wide_card.map(|wide| wide.seconds),
+        layout_s: built.wide_card.as_ref().map(|wide| wide.seconds),
         counted_while_timed: time.counted,
         others_load: match (built.others_load, time.others_load) {
             (Some(a), Some(b)) => Some(a.max(b)),
@@ -434,7 +434,7 @@ pub fn record(
         bad_refines: card.build.bad_refines,
         sah_cost: card.sah_cost,
         tree_bytes: card.bytes,
-        wide_bytes: built.wide_card.map(|wide| wide.bytes),
+        wide_bytes: built.wide_card.as_ref().map(|wide| wide.bytes),
         rays: PerRay::from(counted.rays),
         counts_layout: name_of(settings.layouts.counted),
         triangle_tests: counts(|c| c.triangle_tests),

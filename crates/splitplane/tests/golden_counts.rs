@@ -9,7 +9,7 @@ mod common;
 use std::fmt::Write;
 
 use common::{Random, soup};
-use splitplane::{BuildParams, Counts, Ray, TREES, Ties, Traversal, Tree, TreeChoice};
+use splitplane::{BuildParams, Counts, Layout, Ray, TREES, Ties, Traversal, Tree, TreeChoice};
 
 #[test]
 fn every_tree_has_its_golden_counts() {
@@ -45,6 +45,24 @@ fn every_tree_has_its_golden_counts() {
                 card.build.bad_refines,
                 card.build.candidates,
                 card.sah_cost
+            )
+            .unwrap();
+            let wide = tree.clone().with_layout(Layout::Wide).unwrap();
+            let mut counts = Counts::default();
+            for ray in &rays {
+                wide.closest_hit(ray, &mut counts);
+                wide.any_hit(ray, &mut counts);
+            }
+            let wide = wide.card().wide.unwrap();
+            writeln!(
+                table,
+                "  wide: {} nodes, {} leaves, {} references; {} tests, {} visits, {} leaf visits",
+                wide.nodes,
+                wide.leaves,
+                wide.references,
+                counts.triangle_tests,
+                counts.wide_visits,
+                counts.leaf_visits
             )
             .unwrap();
             for traversal in [Traversal::Exact, Traversal::AsPublished] {

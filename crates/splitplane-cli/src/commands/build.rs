@@ -173,6 +173,7 @@ fn text(card: &CardRecord) -> String {
             ("  leaves", grouped(wide.leaves)),
             ("  references", grouped(wide.references)),
             ("  depth", grouped(wide.depth.into())),
+            ("  frames", frames(&wide.frames)),
             ("  size", bytes(wide.bytes)),
             ("  time to bring it there", seconds(wide.seconds)),
         ]);
@@ -195,6 +196,18 @@ fn text(card: &CardRecord) -> String {
     ));
     text.push_str("A ray: a random line through the scene's box that tests all leaves on its way.");
     text
+}
+
+/// How many frames the nodes of a wide tree are in, and the share of those in the world's.
+fn frames(nodes: &[u64]) -> String {
+    let used = nodes.iter().filter(|&&nodes| nodes > 0).count() as u64;
+    let all: u64 = nodes.iter().sum();
+    let world = nodes.first().copied().unwrap_or_default();
+    format!(
+        "{} ({} of the nodes in the world's)",
+        grouped(used),
+        percent(100.0 * world as f64 / all.max(1) as f64)
+    )
 }
 
 /// The most lines for interior nodes by depth.

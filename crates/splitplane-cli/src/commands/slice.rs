@@ -41,7 +41,13 @@ pub fn run(command: &SliceCommand) -> Result<(), Failure> {
     let slice = Slice::draw(&scene, &built, &settings, &slice);
     slice.write(&command.out)?;
     progress::clear();
-    let segments = if tree.spec.objects {
+    let segments = if tree.spec.frames {
+        format!(
+            "{} sides of boxes and {} of turned ones",
+            grouped(slice.kd_segments),
+            grouped(slice.oblique_segments)
+        )
+    } else if tree.spec.objects {
         format!("{} sides of boxes", grouped(slice.kd_segments))
     } else {
         format!(

@@ -234,7 +234,13 @@ impl Content {
             label: format!("{label} ({})", grouped(count)),
         };
         let mut legend = match objects {
-            true => vec![line(KD, 2.0, "sides of boxes", self.kd_segments)],
+            true if self.oblique_segments == 0 => {
+                vec![line(KD, 2.0, "sides of boxes", self.kd_segments)]
+            }
+            true => vec![
+                line(KD, 2.0, "sides of boxes", self.kd_segments),
+                line(OBLIQUE, 2.0, "of turned boxes", self.oblique_segments),
+            ],
             false => vec![
                 line(KD, 2.0, "kd planes", self.kd_segments),
                 line(OBLIQUE, 2.0, "oblique planes", self.oblique_segments),

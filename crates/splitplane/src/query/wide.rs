@@ -423,7 +423,18 @@ pub(super) fn traverse<S: Search, C: Counters>(
     search: &mut S,
     counters: &mut C,
 ) {
-    Instructions::best().run(Walk {
+    traverse_with(Instructions::best(), wide, ray, search, counters);
+}
+
+#[inline]
+fn traverse_with<S: Search, C: Counters>(
+    instructions: Instructions,
+    wide: &Wide,
+    ray: &Ray,
+    search: &mut S,
+    counters: &mut C,
+) {
+    instructions.run(Walk {
         wide,
         ray,
         search,
@@ -688,5 +699,94 @@ impl<'s, L: Lanes> Cursor<'s, L> {
             }
         }
         false
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::query::{Any, Closest};
+    use crate::{Counts, Hit, Mesh, Tree, TreeChoice};
+    use proptest::prelude::*;
+
+    fn point(scale: f32) -> impl Strategy<Value = [f32; 3]> {
+        [-scale..scale, -scale..scale, -scale..scale]
+    }
+
+    /// Thin boxes, each turned by some angle about some axis.
+    fn turned_boxes(turns: &[([f32; 3], f32)]) -> Mesh {
+        let (mut positions, mut triangles) = (Vec::new(), Vec::new());
+        for (i, &(axis, angle)) in turns.iter().enumerate() {
+            let axis = glam::Vec3::from(axis)
+                .try_normalize()
+                .unwrap_or(glam::Vec3::Z);
+            let turn = glam::Quat::from_axis_angle(axis, angle);
+            let first = positions.len() as u32;
+            for corner in 0..8 {
+                let at = |bit: u32, size: f32| if corner >> bit & 1 == 1 { size } else { -size };
+                let p = glam::Vec3::new(at(0, 1.0), at(1, 0.2), at(2, 0.05));
+                positions.push((turn * p + glam::Vec3::splat(0.3 * i as f32)).to_array());
+            }
+            for [a, b, c, d] in [
+                [0, 1, 3, 2],
+                [4, 5, 7, 6],
+                [0, 1, 5, 4],
+                [2, 3, 7, 6],
+                [0, 2, 6, 4],
+                [1, 3, 7, 5],
+            ] {
+                let at = |corner: u32| first + corner;
+                triangles.extend([[at(a), at(b), at(c)], [at(a), at(c), at(d)]]);
+            }
+        }
+        Mesh::new(positions, triangles).unwrap()
+    }
+
+    proptest! {
+        #![proptest_config(crate::testing::cases(100))]
+
+        /// Hits, and what it takes to find them, do not depend on the machine.
+        #[test]
+        fn all_instructions_do_the_same(
+            turns in prop::collection::vec((point(1.0), 0.0f32..3.0), 1..30),
+            rays in prop::collection::vec((point(12.0), point(9.0)), 50),
+        ) {
+            let mesh = turned_boxes(&turns);
+            for name in ["framed", "bvh", "wn+kd:6"] {
+                let choice: TreeChoice = name.parse().unwrap();
+                let tree = Tree::build(&mesh, choice, &Default::default()).unwrap();
+                let tree = tree.with_layout(crate::Layout::Wide).unwrap();
+                let wide = tree.wide().unwrap();
+                for &(origin, target) in &rays {
+                    let ray = Ray::new(origin, std::array::from_fn(|i| target[i] - origin[i]));
+                    let ask = |instructions| {
+                        let mut counts = Counts::default();
+                        let mut closest = Closest::new(&ray, |_: &Hit| true);
+                        traverse_with(instructions, wide, &ray, &mut closest, &mut counts);
+                        let mut any = Any::new(&ray, |_: &Hit| true);
+                        traverse_with(instructions, wide, &ray, &mut any, &mut counts);
+                        (closest.found(), any.found, counts)
+                    };
+                    prop_assert_eq!(ask(Instructions::Portable), ask(Instructions::best()));
+                    let hit = ask(Instructions::Portable).0;
+                    prop_assert_eq!(hit, crate::brute_force(&mesh, &ray));
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn turned_boxes_are_in_frames_of_their_own() {
+        let turns: Vec<_> = (0..200).map(|_| ([1.0, 2.0, 0.5], 0.7)).collect();
+        let tree = Tree::build(
+            &turned_boxes(&turns),
+            "framed".parse().unwrap(),
+            &Default::default(),
+        )
+        .unwrap();
+        let card = tree.with_layout(crate::Layout::Wide).unwrap().card();
+        let frames = card.wide.unwrap().frames;
+        assert_eq!(frames.len(), 2, "{frames:?}");
+        assert!(frames[1] > 9 * frames[0], "{frames:?}");
     }
 }

@@ -153,12 +153,13 @@ pub(crate) use with_nodes;
 
 impl Tree {
     /// Builds a tree with all defaults over `mesh`: [`TreeChoice::default`] with
-    /// [`BuildParams::default`]. See [`Tree::build`].
+    /// [`BuildParams::default`], in the wide layout. See [`Tree::build`].
     ///
     /// # Errors
     /// A tree too large for its nodes.
     pub fn new(mesh: &Mesh) -> Result<Tree, BuildError> {
-        Tree::build(mesh, TreeChoice::default(), &BuildParams::default())
+        Tree::build(mesh, TreeChoice::default(), &BuildParams::default())?
+            .with_layout(Layout::Wide)
     }
 
     /// Builds the tree that `choice` names over `mesh`, on the threads of the current rayon pool.
