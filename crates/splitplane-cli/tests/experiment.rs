@@ -416,7 +416,7 @@ fn a_result_of_another_scene_or_a_damaged_one_is_told_of() {
         0
     );
     let text = fs::read_to_string(folder.path().join("hills.pbrt")).unwrap();
-    let moved = text.replace("LookAt 0 0 0", "LookAt 0 0 1");
+    let moved = text.replace("LookAt 0 0 0", "LookAt 0 0 -1");
     fs::write(folder.path().join("hills.pbrt"), moved).unwrap();
     let (code, _, err) = outcome(splitplane(&folder).args(["run-cell", "e", "0"]));
     assert_eq!(code, 0);

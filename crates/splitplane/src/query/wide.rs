@@ -230,10 +230,14 @@ impl Space {
 }
 
 /// What rounding may do to t in [`Block::candidates`], in units of ε/2 times a bound of all
-/// products. With products of x and y up to P, z up to Z, an edge function is off by 4 P, the
-/// determinant by 24 P and t times the determinant by 36 P Z; so much again for what is computed
-/// from them, and for t being rounded at last.
-const T_ERROR: f32 = 64.0 * 0.5 * f32::EPSILON;
+/// products. With products of x and y up to P, z in multiples of the direction up to Z, an edge
+/// function is off by 4 P, the determinant by 24 P and t times the determinant by 42 P Z; so much
+/// again for what is computed from them, and for t being rounded at last.
+const T_ERROR: f32 = 80.0 * 0.5 * f32::EPSILON;
+
+/// More than the determinant and t times the determinant are, in units of the bounds: where they
+/// overflow, this times the bounds does, and nothing is refused.
+const T_RANGE: f32 = 8.0;
 
 /// The corners of the triangles of a leaf, as in [`Wide::corners`].
 #[derive(Clone, Copy)]
@@ -322,23 +326,22 @@ impl<L: Lanes> Block<L> {
         }
         let along = L::splat(shear.shear[2]);
         let determinant = u.add(v).add(w);
+        let (az, bz, cz) = (az.mul(along), bz.mul(along), cz.mul(along));
         let t = u
             .mul(az)
             .add(v.mul(bz))
             .add(w.mul(cz))
-            .mul(along)
             .times_sign(determinant);
         let determinant = determinant.abs();
+        // Products that are too small to be normal are off by as much, whatever their size.
         let tiny = L::splat(f32::MIN_POSITIVE);
         let x = ax.abs().max(bx.abs()).max(cx.abs());
         let y = ay.abs().max(by.abs()).max(cy.abs());
-        let z = az.abs().max(bz.abs()).max(cz.abs());
-        let product = x.mul(y).add(tiny);
-        let t_slack = product
-            .mul(z.mul(along.abs()))
-            .add(tiny)
-            .mul(L::splat(T_ERROR));
-        let slack = product.mul(L::splat(T_ERROR));
+        let z = az.abs().max(bz.abs()).max(cz.abs()).add(tiny);
+        let product = x.mul(y).mul(L::splat(T_RANGE)).add(tiny);
+        let error = L::splat(T_ERROR / T_RANGE);
+        let t_slack = product.mul(z).add(tiny).mul(error);
+        let slack = product.mul(error);
         let (first, last) = (L::splat(t_min), L::splat(t_max));
         let lowest = first.mul(determinant).sub(first.abs().mul(slack));
         let highest = last.mul(determinant).add(last.abs().mul(slack));

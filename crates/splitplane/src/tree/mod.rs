@@ -158,8 +158,7 @@ impl Tree {
     /// # Errors
     /// A tree too large for its nodes.
     pub fn new(mesh: &Mesh) -> Result<Tree, BuildError> {
-        Tree::build(mesh, TreeChoice::default(), &BuildParams::default())?
-            .with_layout(Layout::Wide)
+        Tree::build(mesh, TreeChoice::default(), &BuildParams::default())?.with_layout(Layout::Wide)
     }
 
     /// Builds the tree that `choice` names over `mesh`, on the threads of the current rayon pool.
