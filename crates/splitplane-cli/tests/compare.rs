@@ -4,7 +4,7 @@ mod common;
 
 use std::path::Path;
 
-use common::{folder, hills_scene, outcome, splitplane};
+use common::{COUNTS, folder, hills_scene, outcome, splitplane};
 use serde_json::Value;
 use splitplane::TREES;
 
@@ -134,19 +134,7 @@ fn counters_and_pictures_do_not_depend_on_the_number_of_threads() {
     let of = |threads: &str| records(&folder.path().join(threads).join("hills.json"));
     for (one, two) in of("1").iter().zip(&of("2")) {
         assert_eq!((&one["threads"], &two["threads"]), (&1.into(), &2.into()));
-        for field in [
-            "nodes",
-            "references",
-            "depth",
-            "bad_refines",
-            "sah_cost",
-            "tree_bytes",
-            "rays",
-            "triangle_tests",
-            "kd_visits",
-            "oblique_visits",
-            "leaf_visits",
-        ] {
+        for field in COUNTS {
             assert_eq!(one[field], two[field], "{field} of {}", one["tree"]);
         }
     }

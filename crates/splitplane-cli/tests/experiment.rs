@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant, SystemTime};
 
-use common::{folder, hills_scene, outcome, splitplane};
+use common::{COUNTS, folder, hills_scene, outcome, splitplane};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -41,19 +41,7 @@ fn counts(folder: &Path) -> BTreeMap<String, Value> {
         );
         let run = &result["outcome"]["done"];
         let mut kept = serde_json::Map::new();
-        for field in [
-            "nodes",
-            "references",
-            "depth",
-            "bad_refines",
-            "sah_cost",
-            "tree_bytes",
-            "rays",
-            "triangle_tests",
-            "kd_visits",
-            "oblique_visits",
-            "leaf_visits",
-        ] {
+        for field in COUNTS {
             assert!(!run["record"][field].is_null(), "{field} of {key}");
             kept.insert(field.to_owned(), run["record"][field].clone());
         }

@@ -49,6 +49,19 @@ impl Layouts {
             counted: layout,
         }
     }
+
+    fn has(self, layout: Layout) -> bool {
+        self.timed == layout || self.counted == layout
+    }
+
+    /// # Errors
+    /// A traversal that there is not in one of the layouts.
+    pub(crate) fn check(self, traversal: Traversal) -> Result<(), LabError> {
+        match traversal == Traversal::AsPublished && self.has(Layout::Wide) {
+            true => Err(LabError::WideAsPublished),
+            false => Ok(()),
+        }
+    }
 }
 
 impl Settings {
@@ -214,11 +227,7 @@ pub fn build(
     settings: &Settings,
     progress: &dyn Progress,
 ) -> Result<Built, LabError> {
-    let Layouts { timed, counted } = settings.layouts;
-    let wanted = |layout| timed == layout || counted == layout;
-    if settings.traversal == Traversal::AsPublished && wanted(Layout::Wide) {
-        return Err(LabError::WideAsPublished);
-    }
+    settings.layouts.check(settings.traversal)?;
     let pool = rayon::ThreadPoolBuilder::new()
         .num_threads(settings.render.threads)
         .build()
@@ -229,13 +238,8 @@ pub fn build(
     let tree = pool.install(|| Tree::build_watched(mesh, choice, &settings.params, progress));
     let seconds = start.elapsed().as_secs_f64();
     let others_load = load.stop();
-    let failed = |source| LabError::Build {
-        tree: choice.to_string(),
-        source,
-    };
-    let tree = tree.map_err(failed)?;
-    let arranged = pool.install(|| arrange(tree, settings));
-    let (card, tree, wide, wide_card) = arranged.map_err(failed)?;
+    let tree = tree.map_err(|source| failed(choice, source))?;
+    let (card, tree, wide, wide_card) = pool.install(|| arrange(tree, settings))?;
     Ok(Built {
         card,
         tree,
@@ -252,17 +256,21 @@ pub fn build(
 /// what is known of it there.
 type Arranged = (TreeCard, Tree, Option<Tree>, Option<WideRecord>);
 
-fn arrange(tree: Tree, settings: &Settings) -> Result<Arranged, BuildError> {
-    let Layouts { timed, counted } = settings.layouts;
-    let wanted = |layout| timed == layout || counted == layout;
+fn arrange(tree: Tree, settings: &Settings) -> Result<Arranged, LabError> {
+    let choice = tree.choice();
     let card = tree.card();
     let tree = tree.with_traversal(settings.traversal);
+    let to_wide = |tree: Tree| {
+        tree.with_layout(Layout::Wide)
+            .map_err(|source| failed(choice, source))
+    };
     let start = Instant::now();
-    let (tree, wide) = match (wanted(Layout::Binary), wanted(Layout::Wide)) {
+    let layouts = settings.layouts;
+    let (tree, wide) = match (layouts.has(Layout::Binary), layouts.has(Layout::Wide)) {
         (_, false) => (tree, None),
-        (false, true) => (tree.with_layout(Layout::Wide)?, None),
+        (false, true) => (to_wide(tree)?, None),
         (true, true) => {
-            let wide = tree.clone().with_layout(Layout::Wide)?;
+            let wide = to_wide(tree.clone())?;
             (tree, Some(wide))
         }
     };
@@ -271,6 +279,13 @@ fn arrange(tree: Tree, settings: &Settings) -> Result<Arranged, BuildError> {
     let record =
         (wide_card.wide.as_ref()).map(|wide| WideRecord::new(wide, wide_card.bytes, seconds));
     Ok((card, tree, wide, record))
+}
+
+fn failed(tree: TreeChoice, source: BuildError) -> LabError {
+    LabError::Build {
+        tree: tree.to_string(),
+        source,
+    }
 }
 
 /// Saves a tree, whole or not at all.
@@ -288,7 +303,8 @@ pub fn save_tree(path: &Path, tree: &Tree) -> Result<(), LabError> {
 /// built with.
 ///
 /// # Errors
-/// The file cannot be read, is no saved tree, is damaged, or is that of another mesh.
+/// The file cannot be read, is no saved tree, is damaged, or is that of another mesh; or a
+/// traversal that there is not in a layout.
 pub fn load_tree(path: &Path, mesh: &Mesh, settings: &mut Settings) -> Result<Built, LabError> {
     let machine = Machine::now();
     let load = OthersLoad::start();
@@ -301,17 +317,10 @@ pub fn load_tree(path: &Path, mesh: &Mesh, settings: &mut Settings) -> Result<Bu
     settings.params = tree.params().clone();
     settings.preset = Preset::of(tree.params());
     if tree.layout() == Layout::Wide {
-        if settings.traversal == Traversal::AsPublished {
-            return Err(LabError::WideAsPublished);
-        }
         settings.layouts = Layouts::both(Layout::Wide);
     }
-    let choice = tree.choice();
-    let arranged = arrange(tree, settings);
-    let (card, tree, wide, wide_card) = arranged.map_err(|source| LabError::Build {
-        tree: choice.to_string(),
-        source,
-    })?;
+    settings.layouts.check(settings.traversal)?;
+    let (card, tree, wide, wide_card) = arrange(tree, settings)?;
     Ok(Built {
         card,
         tree,

@@ -7,6 +7,21 @@ use std::path::{Path, PathBuf};
 use assert_cmd::Command;
 use tempfile::TempDir;
 
+/// The fields of a record that depend neither on the machine nor on the number of threads.
+pub(crate) const COUNTS: [&str; 11] = [
+    "nodes",
+    "references",
+    "depth",
+    "bad_refines",
+    "sah_cost",
+    "tree_bytes",
+    "rays",
+    "triangle_tests",
+    "kd_visits",
+    "oblique_visits",
+    "leaf_visits",
+];
+
 /// The command, in an empty folder of its own, without the scenes of the machine.
 pub(crate) fn splitplane(folder: &TempDir) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_splitplane"));

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
-use splitplane::{Layout, ObliquePricing, Traversal, TreeChoice};
+use splitplane::{ObliquePricing, TreeChoice};
 
 use crate::params::{Preset, ties_named, traversal_named};
 use crate::run::{Layouts, Settings};
@@ -139,9 +139,8 @@ impl Conditions {
         if let Some(layout) = &self.layout {
             settings.layouts = Layouts::both(layout.parse()?);
         }
-        if settings.layouts.timed == Layout::Wide && settings.traversal == Traversal::AsPublished {
-            return Err(crate::LabError::WideAsPublished.to_string());
-        }
+        let checked = settings.layouts.check(settings.traversal);
+        checked.map_err(|error| error.to_string())?;
         let render = &mut settings.render;
         render.threads = usize::from(self.threads.unwrap_or(1));
         if render.threads == 0 {

@@ -562,7 +562,7 @@ impl<'s, L: Lanes> Cursor<'s, L> {
                 if node.frame != self.frame {
                     self.enter(node.frame, wide);
                 }
-                self.visit(wide, node, search)
+                self.visit::<S>(wide, node)
             }
             Child::Leaf { start, count } => {
                 counters.leaf_visit(count as u32);
@@ -619,7 +619,7 @@ impl<'s, L: Lanes> Cursor<'s, L> {
     }
 
     #[inline(always)]
-    fn visit<S: Search>(&mut self, wide: &Wide, node: &WideNode, _: &S) -> bool {
+    fn visit<S: Search>(&mut self, wide: &Wide, node: &WideNode) -> bool {
         let (near_x, far_x) = self.slab(node, 0);
         let (near_y, far_y) = self.slab(node, 1);
         let (near_z, far_z) = self.slab(node, 2);
@@ -685,7 +685,6 @@ impl<'s, L: Lanes> Cursor<'s, L> {
     /// An entry of the stack below its depth.
     #[inline(always)]
     fn get(&self, at: usize) -> Entry {
-        debug_assert!(at < self.depth || at < STACK);
         // SAFETY: all entries below the depth have been written, and callers look at no others.
         unsafe { self.space.stack[at].assume_init() }
     }
