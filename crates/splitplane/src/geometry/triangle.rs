@@ -10,8 +10,8 @@ pub(crate) struct Shear {
     direction: [f32; 3],
     /// The axes that become x, y and z: z is the one along which the ray goes furthest.
     pub(crate) axes: [usize; 3],
-    /// The origin along these axes.
-    pub(crate) turned_origin: [f32; 3],
+    /// What takes points to where the origin is 0, along these axes.
+    pub(crate) to_origin: [f32; 3],
     pub(crate) shear: [f32; 3],
 }
 
@@ -32,7 +32,7 @@ impl Shear {
             origin: ray.origin,
             direction: ray.direction,
             axes: [kx, ky, kz],
-            turned_origin: [ray.origin[kx], ray.origin[ky], ray.origin[kz]],
+            to_origin: [-ray.origin[kx], -ray.origin[ky], -ray.origin[kz]],
             shear: [d[kx] / d[kz], d[ky] / d[kz], 1.0 / d[kz]],
         }
     }
@@ -42,20 +42,19 @@ impl Shear {
     pub(crate) fn apply(&self, p: [f32; 3]) -> [f32; 3] {
         let [kx, ky, kz] = self.axes;
         let [sx, sy, _] = self.shear;
-        let [ox, oy, oz] = self.turned_origin;
-        let z = p[kz] - oz;
-        [(p[kx] - ox) - sx * z, (p[ky] - oy) - sy * z, z]
+        let [ox, oy, oz] = self.to_origin;
+        let z = p[kz] + oz;
+        [(p[kx] + ox) - sx * z, (p[ky] + oy) - sy * z, z]
     }
 
-    /// Where the ray's line meets the triangle of these corners.
+    /// The direction's largest component.
     #[inline(always)]
-    pub(crate) fn intersect(&self, corners: &[[f32; 3]; 3], triangle: u32) -> Option<Hit> {
-        let [a, b, c] = *corners;
-        self.meet(&[self.apply(a), self.apply(b), self.apply(c)], triangle)
+    pub(crate) fn along(&self) -> f32 {
+        self.direction[self.axes[2]]
     }
 
-    /// Where the ray's line meets the triangle of these corners, which the shear has been applied
-    /// to, whatever the ray's interval; `triangle` is only passed on.
+    /// Where the ray's line meets the triangle of these corners, whatever the ray's interval;
+    /// `triangle` is only passed on.
     ///
     /// The signs of the edge functions are exact for the sheared f32 vertices: a rounded product
     /// never changes the order of two products, and where two rounded products are equal, f64
@@ -65,20 +64,31 @@ impl Shear {
     /// f32 the t of a triangle that is seen edge-on can be off by much more than the rounding of
     /// its vertices, and a traversal that relies on t would then end too early.
     #[inline(always)]
-    pub(crate) fn meet(&self, sheared: &[[f32; 3]; 3], triangle: u32) -> Option<Hit> {
-        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = *sheared;
-        let one_sided = |u: f32, v: f32, w: f32| {
-            !((u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0))
-        };
-        if !one_sided(cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax) {
+    pub(crate) fn meet(&self, corners: &[[f32; 3]; 3], triangle: u32) -> Option<Hit> {
+        let [[ax, ay, _], [bx, by, _], [cx, cy, _]] = corners.map(|p| self.apply(p));
+        let (u, v, w) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
+        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
             return None;
         }
+        self.meet_exactly(corners, triangle)
+    }
+
+    /// The same, for a triangle that the f32 edge functions do not refuse.
+    #[inline(always)]
+    pub(crate) fn meet_exactly(&self, corners: &[[f32; 3]; 3], triangle: u32) -> Option<Hit> {
+        let [a, b, c] = *corners;
+        let [ax, ay, az] = self.apply(a);
+        let [bx, by, bz] = self.apply(b);
+        let [cx, cy, cz] = self.apply(c);
         let wide = |x: f32| f64::from(x);
         let (ax, ay, bx, by, cx, cy) = (wide(ax), wide(ay), wide(bx), wide(by), wide(cx), wide(cy));
         let u = cx * by - cy * bx;
         let v = ax * cy - ay * cx;
         let w = bx * ay - by * ax;
-        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+        // Both looked at together: which one it is is hard to foresee.
+        let lower = |a: f64, b: f64| if a < b { a } else { b };
+        let higher = |a: f64, b: f64| if a > b { a } else { b };
+        if (lower(lower(u, v), w) < 0.0) & (higher(higher(u, v), w) > 0.0) {
             return None;
         }
         let determinant = u + v + w;
@@ -97,7 +107,7 @@ impl Shear {
     /// Whether the triangle's plane is met beyond `t_min`, computed from the unsheared vertices.
     ///
     /// The shear rounds by more than the distance that a ray's origin may have from a surface that
-    /// it leaves. At a small angle to a large triangle, [`Shear::intersect`] then finds the surface
+    /// it leaves. At a small angle to a large triangle, [`Shear::meet`] then finds the surface
     /// again, at a small positive t. In f64 the side of the plane that the origin is on is right.
     /// This only ever refuses hits, so it does not widen where a traversal must look.
     #[inline]
@@ -143,7 +153,7 @@ mod tests {
     #[test]
     fn the_weights_belong_to_the_second_and_third_vertex() {
         let ray = Ray::new([0.5, 0.125, 2.0], [0.0, 0.0, -2.0]);
-        let hit = Shear::of(&ray).intersect(&CORNERS, 7).unwrap();
+        let hit = Shear::of(&ray).meet(&CORNERS, 7).unwrap();
         assert_eq!(
             hit,
             Hit {
@@ -165,7 +175,7 @@ mod tests {
             let angle = f32::from(i) * 0.01;
             let ray = Ray::new(origin, [angle.cos(), angle.sin(), 0.2 + 1e-3 * angle]);
             let shear = Shear::of(&ray);
-            let hit = shear.intersect(&corners, 0).filter(|hit| hit.t > 0.0);
+            let hit = shear.meet(&corners, 0).filter(|hit| hit.t > 0.0);
             found_by_the_shear_alone += u32::from(hit.is_some());
             assert!(!shear.meets_plane_beyond(0.0, &corners));
         }
@@ -186,7 +196,7 @@ mod tests {
                     q
                 };
                 let ray = Ray::new(turn([0.2, 0.3, -sign]), turn([0.0, 0.0, sign]));
-                let hit = Shear::of(&ray).intersect(&CORNERS.map(turn), 0).unwrap();
+                let hit = Shear::of(&ray).meet(&CORNERS.map(turn), 0).unwrap();
                 assert_eq!((hit.t, hit.u, hit.v), (1.0, 0.2, 0.3));
             }
         }
@@ -204,7 +214,7 @@ mod tests {
         ] {
             let ray = Ray::new([x, y, 1.0], [0.0, 0.0, -1.0]);
             assert!(
-                Shear::of(&ray).intersect(&CORNERS, 0).is_some(),
+                Shear::of(&ray).meet(&CORNERS, 0).is_some(),
                 "({x}, {y})"
             );
         }
@@ -213,6 +223,6 @@ mod tests {
     #[test]
     fn a_triangle_seen_edge_on_is_missed() {
         let ray = Ray::new([-1.0, 0.25, 0.0], [1.0, 0.0, 0.0]);
-        assert_eq!(Shear::of(&ray).intersect(&CORNERS, 0), None);
+        assert_eq!(Shear::of(&ray).meet(&CORNERS, 0), None);
     }
 }

@@ -15,7 +15,7 @@ pub fn brute_force(mesh: &Mesh, ray: &Ray) -> Option<Hit> {
     let mut best: Option<Hit> = None;
     for &triangle in mesh.usable_triangles() {
         let corners = mesh.corners(triangle);
-        if let Some(hit) = shear.intersect(&corners, triangle)
+        if let Some(hit) = shear.meet(&corners, triangle)
             && hit.t > ray.t_min
             && hit.t <= ray.t_max
             && best.is_none_or(|best| hit.t < best.t)

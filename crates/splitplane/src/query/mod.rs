@@ -156,7 +156,7 @@ impl<'r> Aim<'r> {
     fn meet(&mut self, triangle: &impl Triangle, wanted: impl FnOnce(f32) -> bool) -> Option<Hit> {
         let t_min = self.ray.t_min;
         let shear = self.shear();
-        let hit = shear.meet(&triangle.sheared(shear), triangle.index())?;
+        let hit = triangle.meet(shear)?;
         (hit.t > t_min && wanted(hit.t) && shear.meets_plane_beyond(t_min, &triangle.corners()))
             .then_some(hit)
     }
@@ -204,6 +204,11 @@ impl<F: Fn(&Hit) -> bool> Search for Closest<'_, F> {
     }
 
     #[inline(always)]
+    fn limit_above(&self) -> f32 {
+        self.best.t
+    }
+
+    #[inline(always)]
     fn test(&mut self, triangle: &impl Triangle) -> ControlFlow<()> {
         let best = &self.best;
         let wanted = |t: f32| t < best.t || t == best.t && triangle.index() < best.triangle;
@@ -245,6 +250,11 @@ impl<F: Fn(&Hit) -> bool> Search for Any<'_, F> {
     #[inline(always)]
     fn limit(&self) -> f64 {
         f64::from(self.aim.ray.t_max)
+    }
+
+    #[inline(always)]
+    fn limit_above(&self) -> f32 {
+        self.aim.ray.t_max
     }
 
     #[inline(always)]
@@ -297,10 +307,25 @@ pub(crate) fn run_in(
     search: &mut impl Search,
     counters: &mut impl Counters,
 ) {
-    if ray.is_valid() && !place.bounds.is_empty() {
-        if let Some(wide) = tree.wide() {
-            return wide::traverse(wide, ray, search, counters);
-        }
+    if !ray.is_valid() {
+        return;
+    }
+    match tree.wide() {
+        Some(wide) => wide::traverse(wide, ray, search, counters),
+        None => run_binary(tree, place, ray, search, counters),
+    }
+}
+
+/// Apart, so that the memory it needs is not asked for where the tree is wide.
+#[inline(never)]
+fn run_binary(
+    tree: &Tree,
+    place: &Place,
+    ray: &Ray,
+    search: &mut impl Search,
+    counters: &mut impl Counters,
+) {
+    if !place.bounds.is_empty() {
         with_nodes!(tree, nodes => traverse(nodes, tree, place, ray, search, counters));
     }
 }

@@ -2,8 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use super::{Counters, Traversal};
+use super::{Counters, Hit, Traversal};
 use crate::build::BuildParams;
+use crate::geometry::frame::round_up;
 use crate::geometry::triangle::Shear;
 use crate::geometry::{Aabb, Frame, Mesh, Ray};
 use crate::tree::Tree;
@@ -13,6 +14,11 @@ use crate::tree::nodes::{Layout, View};
 pub(crate) trait Search {
     /// Beyond this t nothing is wanted any more.
     fn limit(&self) -> f64;
+    /// The same as an f32, rounded up.
+    #[inline(always)]
+    fn limit_above(&self) -> f32 {
+        round_up(self.limit())
+    }
     /// Whether hits are best found in their order along the ray; otherwise where they are likely.
     const NEAREST_FIRST: bool;
     /// The ray's part of the ray-triangle test, where triangles that it misses need not be tested;
@@ -30,8 +36,8 @@ pub(crate) trait Triangle {
     /// Its index in the mesh.
     fn index(&self) -> u32;
     fn corners(&self) -> [[f32; 3]; 3];
-    /// The corners, with the shear applied to them.
-    fn sheared(&self, shear: &Shear) -> [[f32; 3]; 3];
+    /// Where the ray's line meets it.
+    fn meet(&self, shear: &Shear) -> Option<Hit>;
 }
 
 /// A triangle as the mesh has it.
@@ -52,9 +58,8 @@ impl Triangle for OfMesh<'_> {
     }
 
     #[inline(always)]
-    fn sheared(&self, shear: &Shear) -> [[f32; 3]; 3] {
-        let [a, b, c] = self.corners();
-        [shear.apply(a), shear.apply(b), shear.apply(c)]
+    fn meet(&self, shear: &Shear) -> Option<Hit> {
+        shear.meet(&self.corners(), self.index)
     }
 }
 
