@@ -6,13 +6,13 @@ use crate::query::Hit;
 /// What of the test depends on the ray alone: a shear that turns the ray into the z axis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shear {
-    pub(crate) origin: [f32; 3],
-    direction: [f32; 3],
     /// The axes that become x, y and z: z is the one along which the ray goes furthest.
     pub(crate) axes: [usize; 3],
     /// What takes points to where the origin is 0, along these axes.
     pub(crate) to_origin: [f32; 3],
     pub(crate) shear: [f32; 3],
+    /// The direction's largest component.
+    pub(crate) along: f32,
 }
 
 impl Shear {
@@ -29,11 +29,10 @@ impl Shear {
         };
         let (kx, ky) = ((kz + 1) % 3, (kz + 2) % 3);
         Shear {
-            origin: ray.origin,
-            direction: ray.direction,
             axes: [kx, ky, kz],
             to_origin: [-ray.origin[kx], -ray.origin[ky], -ray.origin[kz]],
             shear: [d[kx] / d[kz], d[ky] / d[kz], 1.0 / d[kz]],
+            along: d[kz],
         }
     }
 
@@ -45,12 +44,6 @@ impl Shear {
         let [ox, oy, oz] = self.to_origin;
         let z = p[kz] + oz;
         [(p[kx] + ox) - sx * z, (p[ky] + oy) - sy * z, z]
-    }
-
-    /// The direction's largest component.
-    #[inline(always)]
-    pub(crate) fn along(&self) -> f32 {
-        self.direction[self.axes[2]]
     }
 
     /// Where the ray's line meets the triangle of these corners, whatever the ray's interval;
@@ -103,26 +96,20 @@ impl Shear {
             triangle,
         })
     }
+}
 
-    /// Whether the triangle's plane is met beyond `t_min`, computed from the unsheared vertices.
-    ///
-    /// The shear rounds by more than the distance that a ray's origin may have from a surface that
-    /// it leaves. At a small angle to a large triangle, [`Shear::meet`] then finds the surface
-    /// again, at a small positive t. In f64 the side of the plane that the origin is on is right.
-    /// This only ever refuses hits, so it does not widen where a traversal must look.
-    #[inline]
-    pub(crate) fn meets_plane_beyond(&self, t_min: f32, corners: &[[f32; 3]; 3]) -> bool {
-        let o = self.origin.map(f64::from);
-        let [a, b, c] = corners.map(|[x, y, z]| {
-            [
-                f64::from(x) - o[0],
-                f64::from(y) - o[1],
-                f64::from(z) - o[2],
-            ]
-        });
-        let normal = cross(difference(b, a), difference(c, a));
-        dot(normal, a) / dot(normal, self.direction.map(f64::from)) > f64::from(t_min)
-    }
+/// Whether the plane of the triangle of these corners is met beyond the ray's `t_min`.
+///
+/// The shear rounds by more than the distance that a ray's origin may have from a surface that it
+/// leaves. At a small angle to a large triangle, [`Shear::meet`] then finds the surface again, at a
+/// small positive t. In f64, from the unsheared vertices, the side of the plane that the origin is
+/// on is right. This only ever refuses hits, so it does not widen where a traversal must look.
+#[inline]
+pub(crate) fn plane_is_beyond(ray: &Ray, corners: &[[f32; 3]; 3]) -> bool {
+    let o = ray.origin.map(f64::from);
+    let [a, b, c] = corners.map(|p| difference(p.map(f64::from), o));
+    let normal = cross(difference(b, a), difference(c, a));
+    dot(normal, a) / dot(normal, ray.direction.map(f64::from)) > f64::from(ray.t_min)
 }
 
 #[inline(always)]
@@ -177,11 +164,11 @@ mod tests {
             let shear = Shear::of(&ray);
             let hit = shear.meet(&corners, 0).filter(|hit| hit.t > 0.0);
             found_by_the_shear_alone += u32::from(hit.is_some());
-            assert!(!shear.meets_plane_beyond(0.0, &corners));
+            assert!(!plane_is_beyond(&ray, &corners));
         }
         assert!(found_by_the_shear_alone > 0);
         let back = Ray::new(origin, [0.5, 0.1, -0.2]);
-        assert!(Shear::of(&back).meets_plane_beyond(0.0, &corners));
+        assert!(plane_is_beyond(&back, &corners));
     }
 
     #[test]
@@ -213,10 +200,7 @@ mod tests {
             (0.0, 1.0),
         ] {
             let ray = Ray::new([x, y, 1.0], [0.0, 0.0, -1.0]);
-            assert!(
-                Shear::of(&ray).meet(&CORNERS, 0).is_some(),
-                "({x}, {y})"
-            );
+            assert!(Shear::of(&ray).meet(&CORNERS, 0).is_some(), "({x}, {y})");
         }
     }
 

@@ -1,7 +1,7 @@
 //! What every tree must answer.
 
 use super::Hit;
-use crate::geometry::triangle::Shear;
+use crate::geometry::triangle::{Shear, plane_is_beyond};
 use crate::geometry::{Mesh, Ray};
 
 /// The nearest hit with `t_min < t <= t_max`, found by testing every triangle; of hits at the same
@@ -19,7 +19,7 @@ pub fn brute_force(mesh: &Mesh, ray: &Ray) -> Option<Hit> {
             && hit.t > ray.t_min
             && hit.t <= ray.t_max
             && best.is_none_or(|best| hit.t < best.t)
-            && shear.meets_plane_beyond(ray.t_min, &corners)
+            && plane_is_beyond(ray, &corners)
         {
             best = Some(hit);
         }

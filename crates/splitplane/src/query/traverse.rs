@@ -19,7 +19,8 @@ pub(crate) trait Search {
     fn limit_above(&self) -> f32 {
         round_up(self.limit())
     }
-    /// Whether hits are best found in their order along the ray; otherwise where they are likely.
+    /// Whether hits are best found in their order along the ray; otherwise where they are likely,
+    /// and the limit never changes.
     const NEAREST_FIRST: bool;
     /// The ray's part of the ray-triangle test, where triangles that it misses need not be tested;
     /// `None` where all of a leaf are to be.
@@ -27,6 +28,11 @@ pub(crate) trait Search {
     fn shear(&mut self) -> Option<&Shear> {
         None
     }
+    /// Whether the search is over once it is known that there is a hit, whatever it is.
+    const NEEDS_NO_HIT: bool = false;
+    /// There is a hit. Only where [`Search::NEEDS_NO_HIT`].
+    #[inline(always)]
+    fn found_without_hit(&mut self) {}
     /// Tests a triangle; breaks when the answer is known.
     fn test(&mut self, triangle: &impl Triangle) -> ControlFlow<()>;
 }

@@ -18,6 +18,16 @@ use crate::tree::wide::{WIDTH, Wide};
 /// 60 P · t of what is computed here.
 const T_ERROR: f32 = 80.0 * 0.5 * f32::EPSILON;
 
+/// What rounding, of the shear too, may do to t or the determinant at most, in units of ε/2 times
+/// the scene's furthest point from the ray's origin, R, times the furthest coordinate across the
+/// ray, M ≤ 2 R, and Z times that for t times the determinant.
+///
+/// Sheared coordinates are off by 6 R. So the edge functions are off by 24 R M and the determinant
+/// by 72 R M, besides what `T_ERROR` says of P ≤ M² ≤ 2 R M; t times the determinant by
+/// (72 + 60 + 12) R M Z, and the comparison with a t by (120 + 60) R M times that t. What
+/// [`plane_is_beyond`](crate::geometry::triangle::plane_is_beyond) rounds in f64 is nothing beside.
+const SURE_ERROR: f32 = 320.0 * 0.5 * f32::EPSILON;
+
 /// The corners of the triangles of a leaf, as in [`Wide::corners`].
 #[derive(Clone, Copy)]
 struct Rows<'a> {
@@ -48,16 +58,22 @@ impl<'a> Rows<'a> {
         let row = |corner: usize| {
             // SAFETY: corners and axes are below 3, and behind each of nine rows there are eight
             // numbers.
-            unsafe { &*(self.values.as_ptr()).add(at + 3 * corner * self.count).cast() }
+            unsafe {
+                &*(self.values.as_ptr())
+                    .add(at + 3 * corner * self.count)
+                    .cast()
+            }
         };
         [row(0), row(1), row(2)]
     }
 
     #[inline(always)]
     fn corners(&self, slot: usize) -> [[f32; 3]; 3] {
+        debug_assert!(slot < self.count);
         let mut corners = [[0.0; 3]; 3];
         for (row, value) in corners.as_flattened_mut().iter_mut().enumerate() {
-            *value = self.values[row * self.count + slot];
+            // SAFETY: there are nine rows of `count`, and the slot is one of a triangle.
+            *value = unsafe { *self.values.get_unchecked(row * self.count + slot) };
         }
         corners
     }
@@ -114,6 +130,15 @@ impl<L: Lanes> Block<L> {
         !(u.min(v).min(w).lt(zero) & zero.lt(u.max(v).max(w)))
     }
 
+    /// A bit for each triangle of which the f32 edge functions are all positive or all negative.
+    /// Those in f64 are so too.
+    #[inline(always)]
+    fn inside(&self) -> u32 {
+        let [u, v, w] = self.edges;
+        let zero = L::splat(0.0);
+        zero.lt(u.min(v).min(w)) | u.max(v).max(w).lt(zero)
+    }
+
     /// Where the ray meets the planes of the triangles.
     #[inline(always)]
     fn depths(&self, shear: &Shear) -> Depths<L> {
@@ -128,10 +153,11 @@ impl<L: Lanes> Block<L> {
         Depths {
             depth: depth
                 .times_sign(determinant)
-                .times_sign(L::splat(shear.along())),
+                .times_sign(L::splat(shear.along)),
             size: determinant.abs(),
             // Numbers too small to be normal are off by as much, whatever their size.
             product: x.mul_add(y, L::splat(f32::MIN_POSITIVE)),
+            across: x.max(y),
         }
     }
 }
@@ -143,6 +169,8 @@ struct Depths<L> {
     size: L,
     /// A bound of the products that edge functions are made of.
     product: L,
+    /// The largest coordinate across the ray.
+    across: L,
 }
 
 impl<L: Lanes> Depths<L> {
@@ -166,6 +194,25 @@ impl<L: Lanes> Depths<L> {
             .mul_add(L::splat(error), L::splat(f32::MIN_POSITIVE));
         let depth = self.size.mul_add(L::splat(-high), self.depth);
         self.sure() & off.lt(depth)
+    }
+
+    /// A bit for each triangle that is met between two t, whatever rounding does, if it is met
+    /// inside.
+    #[inline(always)]
+    fn within(&self, low: f32, high: f32, reach: f32) -> u32 {
+        let tiny = L::splat(f32::MIN_POSITIVE);
+        let unit = self.across.mul(L::splat(SURE_ERROR * reach));
+        let above_low = self.size.mul_add(L::splat(-low), self.depth);
+        let after = unit
+            .mul_add(L::splat(reach + low.abs()), tiny)
+            .lt(above_low);
+        let sure = unit.add(tiny).lt(self.size);
+        if high == f32::INFINITY {
+            return sure & after;
+        }
+        let above_high = self.size.mul_add(L::splat(-high), self.depth);
+        let off = unit.mul_add(L::splat(reach + high.abs()), tiny);
+        sure & after & above_high.add(off).lt(L::splat(0.0))
     }
 
     /// Whether the sign of the determinant is known.
@@ -195,7 +242,7 @@ impl<L: Lanes> Depths<L> {
 /// over the bound of a triangle's products.
 #[inline(always)]
 fn limit(t: f32, shear: &Shear, reach: f32) -> (f32, f32) {
-    let t = t * shear.along().abs();
+    let t = t * shear.along.abs();
     (t, T_ERROR * (reach + t.abs() + f32::MIN_POSITIVE))
 }
 
@@ -252,8 +299,12 @@ pub(super) fn visit<L: Lanes, S: Search>(
         return ControlFlow::Continue(false);
     }
     let depths = block.depths(shear);
-    candidates &= !depths.before(limit(t_min, shear, reach));
-    candidates &= !depths.beyond(limit(t_max, shear, reach));
+    let (low, high) = (limit(t_min, shear, reach), limit(t_max, shear, reach));
+    if S::NEEDS_NO_HIT && candidates & block.inside() & depths.within(low.0, high.0, reach) != 0 {
+        search.found_without_hit();
+        return ControlFlow::Break(());
+    }
+    candidates &= !(depths.before(low) | depths.beyond(high));
     if candidates == 0 {
         return ControlFlow::Continue(false);
     }

@@ -24,6 +24,9 @@ const SMALLEST: f32 = 1e-18;
 /// visited.
 const FAR_MARGIN: f32 = 1e12;
 
+/// Within this many half extents of a scene all rays have the same margin.
+const NEAR: f32 = 4.0;
+
 /// From this distance on, products of lengths may overflow.
 const FAR_REACH: f32 = 1e9;
 
@@ -95,8 +98,11 @@ impl Line {
         let direction = Vec3A::from(ray.direction);
         let reach = origin.abs().max_element() + wide.half_extent;
         let exponent = direction.abs().max_element().to_bits() >> 23;
-        // Numbers too small to be normal are rounded by as much, whatever their size.
-        let margin = BOX_ERROR * (0.5 * f32::EPSILON * reach + f32::from_bits(1));
+        // Most rays begin in the scene or near it; theirs is known before their origin is.
+        let margin = match reach < NEAR * wide.half_extent {
+            true => margin(NEAR * wide.half_extent),
+            false => margin_apart(reach),
+        };
         // An origin that is far away may overflow to what is not a number.
         let (direction, scale, reach) = match ORDINARY.contains(&exponent) && reach < FAR_REACH {
             true => (direction, 1.0, reach),
@@ -173,6 +179,18 @@ fn along(origin: Vec3A, direction: Vec3A, margin: f32) -> FrameRay {
 }
 
 #[inline(always)]
+fn margin(reach: f32) -> f32 {
+    // Numbers too small to be normal are rounded by as much, whatever their size.
+    BOX_ERROR * (0.5 * f32::EPSILON * reach + f32::from_bits(1))
+}
+
+/// Apart, so that it is not taken for part of the other case.
+#[inline(never)]
+fn margin_apart(reach: f32) -> f32 {
+    margin(reach)
+}
+
+#[inline(always)]
 fn is_far(margin: f32) -> bool {
     margin >= FAR_MARGIN || margin.is_nan()
 }
@@ -191,11 +209,7 @@ fn with_care(ray: &Ray, margin: f32, reach: f32) -> (Vec3A, f32, f32) {
         true => reach,
         false => f32::INFINITY,
     };
-    (
-        (direction * per_scale).as_vec3a(),
-        scale * far_scale,
-        reach,
-    )
+    ((direction * per_scale).as_vec3a(), scale * far_scale, reach)
 }
 
 /// t of a ray that is far away is multiplied by this, so that it is well between the two ends of

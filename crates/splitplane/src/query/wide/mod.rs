@@ -41,6 +41,21 @@ impl Entry {
     }
 }
 
+/// Children of a node that are still to be visited, in their order, a bit for each.
+#[derive(Clone, Copy)]
+struct Rest {
+    node: u32,
+    children: u32,
+}
+
+/// What is still to be visited: as an [`Entry`] where hits are best found in their order along the
+/// ray, otherwise as a [`Rest`].
+#[derive(Clone, Copy)]
+union Pending {
+    entry: Entry,
+    rest: Rest,
+}
+
 #[inline(always)]
 fn splats<L: Lanes>([x, y, z]: [f32; 3]) -> [L; 3] {
     [L::splat(x), L::splat(y), L::splat(z)]
@@ -52,7 +67,7 @@ const STACK: usize = (WIDTH - 1) * MAX_DEPTH + 1;
 /// What a cursor writes to before it reads it. It lies apart, since moving it would take longer than
 /// a ray does.
 struct Space {
-    stack: [MaybeUninit<Entry>; STACK],
+    stack: [MaybeUninit<Pending>; STACK],
     /// The ray in the frames that it has met.
     frames: [MaybeUninit<FrameRay>; MAX_FRAMES],
 }
@@ -234,7 +249,7 @@ impl<'s, L: Lanes> Cursor<'s, L> {
                 if node.frame != self.frame {
                     self.enter(node.frame, wide);
                 }
-                self.visit::<S>(wide, node)
+                self.visit::<S>(wide, (index, node))
             }
             Child::Leaf { start, count } => {
                 counters.leaf_visit(count as u32);
@@ -247,7 +262,7 @@ impl<'s, L: Lanes> Cursor<'s, L> {
                         self.limit = self.line.t_above(search.limit_above());
                     }
                 }
-                self.pop()
+                self.pop::<S>(wide)
             }
         }
     }
@@ -264,7 +279,7 @@ impl<'s, L: Lanes> Cursor<'s, L> {
     }
 
     #[inline(always)]
-    fn visit<S: Search>(&mut self, wide: &Wide, node: &WideNode) -> bool {
+    fn visit<S: Search>(&mut self, wide: &Wide, (index, node): (usize, &WideNode)) -> bool {
         let (near_x, far_x) = self.slab(node, 0);
         let (near_y, far_y) = self.slab(node, 1);
         let (near_z, far_z) = self.slab(node, 2);
@@ -272,7 +287,7 @@ impl<'s, L: Lanes> Cursor<'s, L> {
         let far = far_x.min(far_y).min(far_z.min(L::splat(self.limit)));
         let met = near.le(far);
         if met == 0 {
-            return self.pop();
+            return self.pop::<S>(wide);
         }
         let first = met.trailing_zeros() as usize;
         let mut others = met & (met - 1);
@@ -280,8 +295,8 @@ impl<'s, L: Lanes> Cursor<'s, L> {
             self.next = node.children[first];
             return true;
         }
-        let near = near.to_array();
         if S::NEAREST_FIRST {
+            let near = near.to_array();
             let mut best = Entry::new(&near, node, first);
             let mut other = Entry::new(&near, node, others.trailing_zeros() as usize);
             others &= others - 1;
@@ -299,19 +314,21 @@ impl<'s, L: Lanes> Cursor<'s, L> {
                 self.push(wide, other);
                 // Nearer ones on top.
                 let mut at = self.depth - 1;
-                while at > bottom && self.get(at - 1).near < other.near {
+                while at > bottom && self.entry(at - 1).near < other.near {
                     self.set(at, self.get(at - 1));
                     at -= 1;
                 }
-                self.set(at, other);
+                self.set(at, Pending { entry: other });
             }
             self.next = best.link;
         } else {
-            while others != 0 {
-                let last = (31 - others.leading_zeros()) as usize;
-                others ^= 1 << last;
-                self.push(wide, Entry::new(&near, node, last));
-            }
+            L::prefetch(wide.address(node.children[others.trailing_zeros() as usize]));
+            let rest = Rest {
+                node: index as u32,
+                children: others,
+            };
+            self.set(self.depth, Pending { rest });
+            self.depth += 1;
             self.next = node.children[first];
         }
         true
@@ -321,30 +338,39 @@ impl<'s, L: Lanes> Cursor<'s, L> {
     #[inline(always)]
     fn push(&mut self, wide: &Wide, entry: Entry) {
         L::prefetch(wide.address(entry.link));
-        self.set(self.depth, entry);
+        self.set(self.depth, Pending { entry });
         self.depth += 1;
     }
 
     #[inline(always)]
-    fn set(&mut self, at: usize, entry: Entry) {
+    fn set(&mut self, at: usize, pending: Pending) {
         debug_assert!(at < STACK);
         // SAFETY: no tree is deeper than MAX_DEPTH, by `collapse` and by `check_wide`.
-        *unsafe { self.space.stack.get_unchecked_mut(at) } = MaybeUninit::new(entry);
+        *unsafe { self.space.stack.get_unchecked_mut(at) } = MaybeUninit::new(pending);
     }
 
-    /// An entry of the stack below its depth.
     #[inline(always)]
-    fn get(&self, at: usize) -> Entry {
+    fn entry(&self, at: usize) -> Entry {
+        // SAFETY: both kinds are two numbers, of which any bits will do.
+        unsafe { self.get(at).entry }
+    }
+
+    /// What is on the stack below its depth.
+    #[inline(always)]
+    fn get(&self, at: usize) -> Pending {
         debug_assert!(at < self.depth);
-        // SAFETY: all entries below the depth have been written, and callers look at no others.
+        // SAFETY: all that is below the depth has been written, and callers look at nothing else.
         unsafe { self.space.stack.get_unchecked(at).assume_init() }
     }
 
     /// Takes the next child that the search has not passed off the stack; false if there is none.
     #[inline(always)]
-    fn pop(&mut self) -> bool {
+    fn pop<S: Search>(&mut self, wide: &Wide) -> bool {
+        if !S::NEAREST_FIRST {
+            return self.pop_rest(wide);
+        }
         while self.depth > 0 {
-            let entry = self.get(self.depth - 1);
+            let entry = self.entry(self.depth - 1);
             self.depth -= 1;
             if entry.near <= self.limit {
                 self.next = entry.link;
@@ -353,12 +379,38 @@ impl<'s, L: Lanes> Cursor<'s, L> {
         }
         false
     }
+
+    /// Takes the next of the children on top of the stack. The limit has not changed, so all of
+    /// them are still wanted.
+    #[inline(always)]
+    fn pop_rest(&mut self, wide: &Wide) -> bool {
+        let Some(top) = self.depth.checked_sub(1) else {
+            return false;
+        };
+        // SAFETY: both kinds are two numbers, of which any bits will do.
+        let Rest { node, children } = unsafe { self.get(top).rest };
+        debug_assert!((node as usize) < wide.nodes.len() && children != 0);
+        // SAFETY: only nodes that have been visited are put on the stack.
+        let node = unsafe { wide.nodes.get_unchecked(node as usize) };
+        self.next = node.children[children.trailing_zeros() as usize % WIDTH];
+        let children = children & (children - 1);
+        if children == 0 {
+            self.depth = top;
+        } else {
+            // SAFETY: as in `set`; what is there is a `Rest`.
+            unsafe {
+                let rest = self.space.stack.get_unchecked_mut(top).assume_init_mut();
+                rest.rest.children = children;
+            }
+        }
+        true
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::query::{Any, Closest};
+    use crate::query::{Any, Closest, Everything};
     use crate::{Hit, Mesh, Tree, TreeChoice};
     use proptest::prelude::*;
 
@@ -415,7 +467,7 @@ mod tests {
                     let ask = |instructions| {
                         let mut closest = Closest::new(&ray, |_: &Hit| true);
                         traverse_with(instructions, wide, &ray, &mut closest, &mut ());
-                        let mut any = Any::new(&ray, |_: &Hit| true);
+                        let mut any = Any::new(&ray, Everything);
                         traverse_with(instructions, wide, &ray, &mut any, &mut ());
                         (closest.found(), any.found)
                     };

@@ -171,8 +171,8 @@ impl Wide {
         let node = (self.nodes.as_ptr().cast::<u8>())
             .wrapping_byte_add(link.0 as usize * size_of::<WideNode>());
         let start = link.0 as usize & Link::MAX_START;
-        let leaf = (self.corners.as_ptr().cast::<u8>())
-            .wrapping_byte_add(start * 9 * size_of::<f32>());
+        let leaf =
+            (self.corners.as_ptr().cast::<u8>()).wrapping_byte_add(start * 9 * size_of::<f32>());
         // Not a branch: what is next is hard to foresee.
         std::hint::select_unpredictable(link.0 & Link::LEAF == 0, node, leaf)
     }
