@@ -171,8 +171,12 @@ impl Progress for Writing<'_> {
         let written = write_png(png, &partial.picture)
             .and_then(|()| write_exr(exr, &partial.picture))
             .and_then(|()| write_bytes(unfinished, &partial.checkpoint.to_bytes()));
-        if let Err(error) = written {
-            print::warning(&error.to_string());
+        match written {
+            Ok(()) => progress::advise(format!(
+                "{} is what there was a moment ago; --resume goes on from it",
+                png.display()
+            )),
+            Err(error) => print::warning(&error.to_string()),
         }
         *self.last() = Instant::now();
     }

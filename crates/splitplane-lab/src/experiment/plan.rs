@@ -9,7 +9,7 @@ use splitplane_render::scene::{LoadOptions, Scene, load};
 use toml::Table;
 
 use super::cell::{Cell, Conditions, Program, digest};
-use super::file::{Experiment, SceneEntry, conditions};
+use super::file::{Experiment, ExperimentError, SceneEntry, conditions};
 use super::folder::Folder;
 use crate::{LabError, write_whole};
 
@@ -35,6 +35,8 @@ pub struct Plan {
     pub source: String,
     /// The experiment's file.
     pub file: PathBuf,
+    /// Folders in which scenes were looked for besides the usual ones; absolute.
+    pub search: Vec<PathBuf>,
     /// Whether `--quick` put other things in place of the file's.
     pub quick: bool,
 }
@@ -44,7 +46,7 @@ pub struct Plan {
 pub struct PlannedScene {
     /// Its name in tables.
     pub label: String,
-    /// Its name on the scene search path, or its file.
+    /// Its name on the scene search path, or its file; absolute, since cells are run anywhere.
     pub name: String,
     /// Subdivision level of its surfaces, where the experiment says one.
     pub subdivide: Option<u32>,
@@ -167,6 +169,15 @@ impl Plan {
         let program = Program::this();
         let mut notes = experiment.notes.clone();
         let mut scenes: Vec<(PlannedScene, &SceneEntry)> = Vec::new();
+        let wrong = |entry: &SceneEntry, message: String| {
+            let (line, column) = entry.place;
+            LabError::Experiment(Box::new(ExperimentError {
+                file: file.clone(),
+                line,
+                column,
+                message,
+            }))
+        };
         for entry in &experiment.scenes {
             reading(&entry.name);
             let loaded = load_with(&entry.name, entry.subdivide, &entry.define, search);
@@ -177,16 +188,26 @@ impl Plan {
                     notes.push(format!("{} is not here and was left out", entry.name));
                     continue;
                 }
+                Err(LabError::Scene(error)) if error.line == 0 => {
+                    return Err(wrong(entry, error.to_string()));
+                }
                 Err(error) => return Err(error),
             };
             let facts = SceneFacts::of(&scene);
             let label = entry.label.clone().unwrap_or_else(|| facts.name.clone());
             if scenes.iter().any(|(scene, _)| scene.label == label) {
-                return Err(LabError::SameLabel { label });
+                let message =
+                    format!("two scenes are called \"{label}\"; give this one another label");
+                return Err(wrong(entry, message));
             }
+            let file = std::path::absolute(&entry.name)
+                .ok()
+                .filter(|file| file.is_file());
             let planned = PlannedScene {
                 label,
-                name: entry.name.clone(),
+                name: file.map_or(entry.name.clone(), |file| {
+                    file.to_string_lossy().into_owned()
+                }),
                 subdivide: entry.subdivide,
                 define: entry.define.clone(),
                 facts,
@@ -224,6 +245,10 @@ impl Plan {
             notes,
             source,
             file,
+            search: search
+                .iter()
+                .filter_map(|folder| std::path::absolute(folder).ok())
+                .collect(),
             quick,
         })
     }
@@ -236,6 +261,7 @@ impl Plan {
         let found = self.scenes.iter().find(|scene| scene.label == label);
         found.ok_or_else(|| LabError::NotPlanned {
             what: format!("scene {label}"),
+            planned: format!("scenes are {}", self.labels().join(", ")),
         })
     }
 
@@ -248,7 +274,18 @@ impl Plan {
         let by_place = || self.cells.get(named.parse::<usize>().ok()?);
         by_id.or_else(by_place).ok_or_else(|| LabError::NotPlanned {
             what: format!("cell {named}"),
+            planned: format!(
+                "cells are 0 to {}, or the ids of plan.json",
+                self.cells.len().saturating_sub(1)
+            ),
         })
+    }
+
+    fn labels(&self) -> Vec<&str> {
+        self.scenes
+            .iter()
+            .map(|scene| scene.label.as_str())
+            .collect()
     }
 
     /// Writes the plan into the folder.
