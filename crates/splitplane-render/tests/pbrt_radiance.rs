@@ -18,6 +18,14 @@ fn whole(text: &str) -> Scene {
     let folder = tempfile::tempdir().unwrap();
     let white = image::RgbImage::from_pixel(8, 4, image::Rgb([255; 3]));
     white.save(folder.path().join("white.png")).unwrap();
+    // All directions of a light with -z in the corners, z in the middle: red where x > 0, green
+    // where y > 0, blue where z > 0.
+    let square = image::RgbImage::from_fn(32, 32, |column, row| {
+        let (x, y) = (f64::from(column) - 15.5, f64::from(row) - 15.5);
+        let lit = |yes: bool| if yes { 255 } else { 0 };
+        image::Rgb([lit(x > 0.0), lit(y > 0.0), lit(x.abs() + y.abs() < 16.0)])
+    });
+    square.save(folder.path().join("square.png")).unwrap();
     let path = folder.path().join("test.pbrt");
     std::fs::write(&path, text).unwrap();
     load(&path.to_string_lossy(), &LoadOptions::default()).unwrap()
@@ -253,6 +261,36 @@ fn both_spellings_of_a_scene_are_the_same_picture() {
     );
     assert!(v4.notes.iter().all(|note| !note.warning), "{:?}", v4.notes);
     assert_eq!(picture(&v3, 4).radiance, picture(&v4, 4).radiance);
+}
+
+#[test]
+fn square_maps_of_the_fourth_version_cover_all_directions() {
+    let seen = |map: &str, [x, y, z]: [f64; 3]| {
+        let scene = whole(&format!(
+            "Option \"bool disablepixeljitter\" false\n\
+             LookAt 0 0 0 {x} {y} {z} 0.1 0.2 0.97\nCamera \"perspective\" \"float fov\" 0.2\n\
+             Film \"rgb\" \"integer xresolution\" 2 \"integer yresolution\" 2\n\
+             WorldBegin\nLightSource \"infinite\" \"string filename\" \"{map}\"\n"
+        ));
+        let warnings = scene.notes.iter().filter(|note| note.warning).count();
+        (picture(&scene, 1).radiance[0], warnings)
+    };
+    for signs in 0..8_u32 {
+        let sign = |axis: u32| if signs >> axis & 1 == 1 { 1.0 } else { -1.0 };
+        let w = [0.6 * sign(0), 0.4 * sign(1), 0.7 * sign(2)];
+        let (radiance, warnings) = seen("square.png", w);
+        assert_eq!(warnings, 0);
+        for (axis, (c, w)) in radiance.into_iter().zip(w).enumerate() {
+            let expected = if w > 0.0 { 1.0 } else { 0.0 };
+            assert!(
+                (c - expected).abs() < 1e-3,
+                "axis {axis} of {w:?}: {radiance:?}"
+            );
+        }
+    }
+    // An older scene's map, in the new words.
+    let (radiance, warnings) = seen("white.png", [0.6, 0.4, 0.7]);
+    assert_eq!((radiance, warnings), ([1.0; 3], 1));
 }
 
 #[test]

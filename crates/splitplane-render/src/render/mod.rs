@@ -16,6 +16,7 @@ mod light;
 mod light_choice;
 mod sampler;
 mod sampling;
+mod sphere_map;
 mod texture;
 mod tiles;
 mod tracer;

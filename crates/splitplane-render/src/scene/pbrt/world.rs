@@ -84,6 +84,8 @@ struct World<'a> {
     instances: Option<(usize, Span)>,
     materials: Vec<Material>,
     lights: Vec<Light>,
+    /// Lights that may have a square map of all directions, and where they are.
+    sphere_maps: Vec<(usize, Span)>,
     coordinate_systems: HashMap<String, Transform>,
     /// In place of what the file says; see [`LoadOptions`].
     subdivision_levels: Option<u32>,
@@ -130,6 +132,7 @@ pub(crate) fn load(path: &Path, name: &str, options: &LoadOptions) -> Result<Sce
         instances: None,
         materials: vec![matte],
         lights: Vec::new(),
+        sphere_maps: Vec::new(),
         coordinate_systems: HashMap::new(),
         subdivision_levels: options.subdivision_levels,
     };
@@ -338,7 +341,17 @@ impl World<'_> {
             }
             Word::LightSource => {
                 let to_world = self.state.to_world;
-                let light = self.with_maker(|maker, _| lights::light(maker, &d, &to_world))?;
+                let is_v4 = self.parser.is_v4;
+                let light =
+                    self.with_maker(|maker, _| lights::light(maker, &d, &to_world, is_v4))?;
+                if is_v4
+                    && matches!(
+                        light,
+                        Some(Light::Infinite { .. } | Light::Goniometric { .. })
+                    )
+                {
+                    self.sphere_maps.push((self.lights.len(), d.span));
+                }
                 self.lights.extend(light);
             }
             Word::AreaLightSource => {

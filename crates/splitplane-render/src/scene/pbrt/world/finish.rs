@@ -10,6 +10,7 @@ use rayon::prelude::*;
 use super::World;
 use crate::error::SceneError;
 use crate::scene::geometry::{Geometry, LocalSurface, Placed, assemble};
+use crate::scene::light::{Light, SphereMap};
 use crate::scene::pbrt::shapes::Source;
 use crate::scene::pbrt::source::Span;
 use crate::scene::view::{self, Up};
@@ -51,6 +52,7 @@ impl World<'_> {
                 ),
             );
         }
+        self.check_sphere_maps();
         // Only the placed pieces have the triangles now: a single one is not copied.
         self.pieces.clear();
         self.objects.clear();
@@ -82,6 +84,28 @@ impl World<'_> {
             contents: self.contents,
             notes: self.notes.into_list(),
         })
+    }
+
+    /// A map of pbrt-v4 that is no square is one by longitude and latitude, of an older scene.
+    fn check_sphere_maps(&mut self) {
+        for &(light, span) in &self.sphere_maps {
+            if let Light::Infinite { map, sphere, .. } | Light::Goniometric { map, sphere, .. } =
+                &mut self.lights[light]
+                && let Some((width, height)) = map.as_ref().map(|map| map.size())
+                && width != height
+            {
+                *sphere = SphereMap::LongitudeLatitude;
+                let sources = &self.parser.sources;
+                self.notes.warn(
+                    "a light's map that is no square",
+                    || sources.place(span),
+                    format!(
+                        "the map of this light has {width} × {height} pixels; pbrt-v4 takes \
+                         squares, so it is read by longitude and latitude, as in pbrt-v3"
+                    ),
+                );
+            }
+        }
     }
 
     /// Triangles of objects that have instances, each object once.
