@@ -7,6 +7,7 @@ mod compare;
 pub mod experiment;
 mod machine;
 pub mod numbers;
+mod objects;
 mod params;
 mod pictures;
 mod published;
@@ -25,6 +26,7 @@ pub use compare::{
     ComparedTree, Comparison, Difference, Row, Step, Task, Unit, Watch, compare, rows,
 };
 pub use machine::{Machine, OthersLoad, peak_memory_bytes};
+pub use objects::{Objects, build_scene};
 pub use params::{
     ParamsRecord, Preset, UnknownName, ties_name, ties_named, traversal_name, traversal_named,
 };

@@ -64,6 +64,8 @@ pub struct SceneEntry {
     pub if_found: bool,
     /// Subdivision level of its surfaces.
     pub subdivide: Option<u32>,
+    /// Copies of objects become a part of the mesh, so that one tree has all of the scene.
+    pub flatten: bool,
     /// Values of `$name` in its file.
     pub define: BTreeMap<String, String>,
     /// Conditions that hold for this scene in place of the grid's.
@@ -112,11 +114,20 @@ struct SceneTable {
     if_found: bool,
     subdivide: Option<u32>,
     #[serde(default)]
+    flatten: bool,
+    #[serde(default)]
     define: BTreeMap<String, String>,
 }
 
 /// The keys of a scene's table that are no conditions.
-const SCENE_KEYS: [&str; 5] = ["name", "label", "if_found", "subdivide", "define"];
+const SCENE_KEYS: [&str; 6] = [
+    "name",
+    "label",
+    "if_found",
+    "subdivide",
+    "flatten",
+    "define",
+];
 /// The axis of the numbers of directions.
 const K: &str = "k";
 const MOST_REPETITIONS: u32 = 1000;
@@ -359,6 +370,7 @@ impl Place<'_> {
             label: own.label,
             if_found: own.if_found,
             subdivide: own.subdivide,
+            flatten: own.flatten,
             define: own.define,
             conditions,
             place: self.line_and_column(given.span().start),

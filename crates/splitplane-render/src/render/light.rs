@@ -3,10 +3,11 @@
 use std::f32::consts::PI;
 
 use glam::{Mat3, Vec2, Vec3};
-use splitplane::{Hit, Ray};
+use splitplane::{Hit, InstanceHit, Ray};
 
 use super::environment::Environment;
 use super::interaction::{Interaction, Place, absolute_sum, gamma};
+use super::part::{InPlace, Part};
 use super::sampling::{concentric_disk, frame_around, luminance, uniform_triangle};
 use crate::scene::light::{AreaLight, Light, SphereMap};
 use crate::scene::texture::Image;
@@ -103,7 +104,7 @@ impl<'s> Lights<'s> {
             sources: vec![],
             of_shape: vec![],
             infinite: vec![],
-            world_radius: scene.mesh.bounds().diagonal() / 2.0,
+            world_radius: scene.bounds().diagonal() / 2.0,
         };
         let mut others = (1..).zip(&scene.lights).peekable();
         for (index, shape) in (0..).zip(&scene.shapes) {
@@ -503,7 +504,12 @@ impl<'s> Lights<'s> {
             v: weights[2],
             triangle,
         };
-        Some(Interaction::new(self.scene, shape, &ray, &hit).place.normal)
+        let found = InstanceHit { hit, instance: 0 };
+        let own = InPlace {
+            part: &Part::own(self.scene),
+            to_world: None,
+        };
+        Some(Interaction::new(own, shape, &ray, &found).place.normal)
     }
 }
 
