@@ -1,8 +1,10 @@
 //! Scenes in pbrt's words whose radiance is known.
 
-use splitplane::{BuildParams, Tree};
-use splitplane_render::render::{RenderSettings, Rendered, render};
-use splitplane_render::scene::{LoadOptions, Scene, load};
+use std::sync::Arc;
+
+use splitplane::{BuildParams, Layout, Tree};
+use splitplane_render::render::{RenderError, RenderSettings, Rendered, place, render};
+use splitplane_render::scene::{Instancing, LoadOptions, Scene, load};
 
 /// A scene of 8 x 8 pixels that looks from the origin along +z, nearly at a single point.
 fn scene(integrator: &str, world: &str) -> Scene {
@@ -15,6 +17,10 @@ fn scene(integrator: &str, world: &str) -> Scene {
 }
 
 fn whole(text: &str) -> Scene {
+    with(text, &LoadOptions::default())
+}
+
+fn with(text: &str, options: &LoadOptions) -> Scene {
     let folder = tempfile::tempdir().unwrap();
     let white = image::RgbImage::from_pixel(8, 4, image::Rgb([255; 3]));
     white.save(folder.path().join("white.png")).unwrap();
@@ -28,7 +34,7 @@ fn whole(text: &str) -> Scene {
     square.save(folder.path().join("square.png")).unwrap();
     let path = folder.path().join("test.pbrt");
     std::fs::write(&path, text).unwrap();
-    load(&path.to_string_lossy(), &LoadOptions::default()).unwrap()
+    load(&path.to_string_lossy(), options).unwrap()
 }
 
 fn picture(scene: &Scene, samples: u32) -> Rendered {
@@ -291,6 +297,94 @@ fn square_maps_of_the_fourth_version_cover_all_directions() {
     // An older scene's map, in the new words.
     let (radiance, warnings) = seen("white.png", [0.6, 0.4, 0.7]);
     assert_eq!((radiance, warnings), ([1.0; 3], 1));
+}
+
+/// Three objects' copies: turned, mirrored, stretched, far from where they are defined, cut out by
+/// alpha; beside a mesh that shines.
+const COPIES: &str = "Film \"image\" \"integer xresolution\" 40 \"integer yresolution\" 30\n\
+    LookAt 0 1 -9  0 0 0  0 1 0\nCamera \"perspective\" \"float fov\" 40\n\
+    Sampler \"halton\" \"integer pixelsamples\" 16\nIntegrator \"path\" \"integer maxdepth\" 4\n\
+    WorldBegin\nLightSource \"infinite\" \"rgb L\" [.3 .4 .5]\n\
+    AttributeBegin\nAreaLightSource \"diffuse\" \"rgb L\" [9 8 7]\nReverseOrientation\n\
+    Shape \"trianglemesh\" \"integer indices\" [0 1 2 0 2 3] \
+    \"point P\" [-2 4 -2 2 4 -2 2 4 2 -2 4 2]\nAttributeEnd\n\
+    Texture \"dots\" \"float\" \"checkerboard\" \"float uscale\" 8 \"float vscale\" 8 \
+    \"float tex1\" 1 \"float tex2\" 0\n\
+    ObjectBegin \"ball\"\nMaterial \"plastic\" \"rgb Kd\" [.7 .2 .1]\nShape \"sphere\"\n\
+    ObjectEnd\n\
+    ObjectBegin \"far\"\nTranslate 500 0 0\nMaterial \"matte\" \"rgb Kd\" [.1 .6 .2]\n\
+    Shape \"cylinder\" \"texture alpha\" \"dots\"\n\
+    Shape \"trianglemesh\" \"integer indices\" [0 1 2] \"point P\" [0 0 0 1 0 0 0 1.5 .3]\n\
+    ObjectEnd\n\
+    ObjectBegin \"unused\"\nShape \"sphere\"\nObjectEnd\n\
+    Material \"matte\"\nShape \"trianglemesh\" \"integer indices\" [0 2 1 0 3 2] \
+    \"point P\" [-9 -1.5 -9 9 -1.5 -9 9 -1.5 9 -9 -1.5 9]\n\
+    AttributeBegin\nTranslate -2 0 0\nScale 1 -.6 1\nObjectInstance \"ball\"\nAttributeEnd\n\
+    AttributeBegin\nTranslate 2 0 1\nRotate 30 1 1 0\nScale .5 1 2\nObjectInstance \"ball\"\n\
+    AttributeEnd\n\
+    AttributeBegin\nRotate 70 1 0 0\nTranslate -500 0 0\nObjectInstance \"far\"\nAttributeEnd\n\
+    WorldEnd\n";
+
+#[test]
+fn instances_that_are_kept_give_the_picture_of_their_copies() {
+    let flat = whole(COPIES);
+    let kept = with(
+        COPIES,
+        &LoadOptions {
+            instances: Instancing::Kept,
+            ..Default::default()
+        },
+    );
+    assert!(flat.instances.is_empty());
+    assert_eq!((kept.objects.len(), kept.instances.len()), (2, 3));
+    assert_eq!(kept.triangles(), flat.triangles());
+    assert_eq!(kept.contents, flat.contents);
+    assert_eq!(
+        kept.contents.unique_triangles,
+        kept.meshes().map(|m| m.triangles().len() as u64).sum()
+    );
+    for layout in Layout::ALL {
+        let build = |mesh| {
+            let tree = Tree::build(mesh, "wn+kd:6".parse().unwrap(), &BuildParams::default());
+            Arc::new(tree.unwrap().with_layout(layout).unwrap())
+        };
+        let trees: Vec<_> = kept
+            .objects
+            .iter()
+            .map(|object| build(&object.mesh))
+            .collect();
+        let placed = place(&kept, build(&kept.mesh), &trees).unwrap();
+        let settings = RenderSettings::default();
+        let two_levels = render(&kept, &placed, &settings, &()).unwrap();
+        let one = render(&flat, &*build(&flat.mesh), &settings, &()).unwrap();
+        // Roundings differ, and here and there the side of an edge, so single pixels may.
+        let differs = |(a, b): (&[f32; 3], &[f32; 3])| {
+            (0..3).any(|c| (a[c] - b[c]).abs() > 0.02 * (0.1 + b[c].abs()))
+        };
+        let pixels = two_levels.radiance.iter().zip(&one.radiance);
+        let differing = pixels.filter(|&(a, b)| differs((a, b))).count();
+        assert!(differing <= 24, "{differing} of 1200 pixels");
+        let mean = |r: &Rendered| {
+            r.radiance
+                .iter()
+                .flatten()
+                .map(|&c| f64::from(c))
+                .sum::<f64>()
+        };
+        let ratio = mean(&two_levels) / mean(&one);
+        assert!((ratio - 1.0).abs() < 2e-3, "{ratio}");
+        assert_eq!(two_levels.rays.camera, one.rays.camera);
+        // Neither alone nor with other trees.
+        let alone = render(&kept, &*build(&kept.mesh), &settings, &()).unwrap_err();
+        assert!(
+            matches!(alone, RenderError::OtherInstances { instances: 3 }),
+            "{alone}"
+        );
+        let swapped: Vec<_> = trees.iter().rev().cloned().collect();
+        let placed = place(&kept, build(&kept.mesh), &swapped).unwrap();
+        let other = render(&kept, &placed, &settings, &()).unwrap_err();
+        assert!(matches!(other, RenderError::OtherMesh { .. }), "{other}");
+    }
 }
 
 #[test]

@@ -55,9 +55,12 @@ pub fn run(command: &ExperimentCommand) -> Result<(), Failure> {
     let program = this_program()?;
     let worker = |cell: &Cell| worker(&program, &folder, cell, &args.search.scenes);
     let events = Told { bar: &bar };
-    let done = run_all(&plan, &folder, &worker, schedule, &events)?;
+    let done = run_all(&plan, &folder, &worker, schedule, &events);
     progress::clear();
-    if !done {
+    if done.is_err() {
+        print::note("no run that is done is lost; --resume goes on");
+    }
+    if !done? {
         return Err(Failure::Interrupted);
     }
     finish(&folder, args.quiet)
