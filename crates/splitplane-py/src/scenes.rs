@@ -125,7 +125,7 @@ impl Scene {
         stats: bool,
     ) -> PyResult<(Bound<'py, PyArray3<f32>>, Bound<'py, PyDict>)> {
         let settings = settings(picture, stats);
-        let built = &tree.built().tree;
+        let built = &*tree.built().tree;
         let rendered = interruptible(py, |stop| {
             splitplane_render::render::render(&self.scene, built, &settings, &Stop(stop))
         })?

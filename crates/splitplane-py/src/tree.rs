@@ -1,6 +1,7 @@
 //! A tree and its batches of queries.
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
@@ -54,8 +55,9 @@ impl Tree {
             splitplane_lab::build(mesh, choice, &settings, &Stop(stop))
         })?
         .map_err(|error| too_large(&error))?;
-        built.tree = interruptible(py, |_| built.tree.with_layout(layout))?
-            .map_err(|error| too_large(&error))?;
+        let tree = Arc::unwrap_or_clone(built.tree);
+        let tree = interruptible(py, |_| tree.with_layout(layout))?;
+        built.tree = Arc::new(tree.map_err(|error| too_large(&error))?);
         built.card = built.tree.card();
         Ok(Tree {
             built,

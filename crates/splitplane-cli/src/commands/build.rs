@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use splitplane_lab::{CardRecord, Layouts, Preset, median, save_tree};
+use splitplane_render::scene::Instancing;
 
 use crate::args::BuildCommand;
 use crate::failure::{Failure, writable_place};
@@ -22,7 +23,7 @@ pub fn run(command: &BuildCommand) -> Result<(), Failure> {
     settings.layouts = Layouts::both(command.layout);
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
-    let scene = scene::load(&command.scene, quiet)?;
+    let scene = scene::load(&command.scene, Instancing::Flattened, quiet)?;
     let (mut cards, mut last) = (Vec::new(), None);
     for _ in 0..command.repeat {
         for tree in &command.tree {
