@@ -6,8 +6,8 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray2};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 use rayon::prelude::*;
-use splitplane::{Counts, Hit, Layout, LoadError, Mesh, Ray, TreeChoice};
-use splitplane_lab::{Built, CardRecord, LabError, Preset, Settings};
+use splitplane::{Counts, Hit, Layout, LoadError, Mesh, MeshError, Parts, Ray, TreeChoice};
+use splitplane_lab::{Built, CardRecord, LabError, Layouts, Preset, Settings};
 
 use crate::batch::{self, CHUNK, array2, in_blocks, interruptible};
 use crate::scenes::Stop;
@@ -23,8 +23,8 @@ const MISS: u32 = u32::MAX;
 pub(crate) struct Tree {
     built: Built,
     settings: Settings,
-    /// The first triangle of each of the meshes, from 0.
-    starts: Vec<u32>,
+    /// Which triangle is of which mesh.
+    parts: Parts,
 }
 
 /// An answer: its geometry, its triangle there, and where on it.
@@ -39,8 +39,7 @@ impl Tree {
     /// Builds a tree, which may take a while.
     pub(crate) fn over(
         py: Python<'_>,
-        mesh: &Mesh,
-        starts: Vec<u32>,
+        (mesh, parts): (Mesh, Parts),
         (tree, layout): (&str, &str),
         nthreads: usize,
     ) -> PyResult<Self> {
@@ -49,18 +48,15 @@ impl Tree {
             (tree.parse()).map_err(|error| PyValueError::new_err(format!("{error}")))?;
         let mut settings = Settings::of_preset(Preset::Default);
         settings.render.threads = nthreads;
-        let too_large = |error: &dyn std::fmt::Display| PyMemoryError::new_err(error.to_string());
-        let mut built = interruptible(py, |stop| {
-            splitplane_lab::build(mesh, choice, &settings, &Stop(stop))
+        settings.layouts = Layouts::both(layout);
+        let built = interruptible(py, |stop| {
+            splitplane_lab::build(&mesh, choice, &settings, &Stop(stop))
         })?
-        .map_err(|error| too_large(&error))?;
-        built.tree = interruptible(py, |_| built.tree.with_layout(layout))?
-            .map_err(|error| too_large(&error))?;
-        built.card = built.tree.card();
+        .map_err(|error| PyMemoryError::new_err(error.to_string()))?;
         Ok(Tree {
             built,
             settings,
-            starts,
+            parts,
         })
     }
 
@@ -71,8 +67,8 @@ impl Tree {
     /// Which geometry a triangle of the tree belongs to, and its index there.
     #[inline]
     fn own(&self, triangle: u32) -> (u32, u32) {
-        let geometry = self.starts.partition_point(|&start| start <= triangle) - 1;
-        (geometry as u32, triangle - self.starts[geometry])
+        let (geometry, triangle) = self.parts.locate(triangle);
+        (geometry as u32, triangle)
     }
 
     #[inline]
@@ -288,33 +284,23 @@ fn counted(py: Python<'_>, counts: Vec<Counts>) -> PyResult<Array2<'_, u32>> {
 
 #[pymethods]
 impl Tree {
-    /// The tree of that name over a mesh. `positions` is (N, 3), float32 or float64; `triangles`
-    /// (M, 3), indices into it; `starts` the first triangle of each geometry.
+    /// The tree of that name over meshes, each of positions (N, 3), float32 or float64, and
+    /// triangles (M, 3), indices into them.
     #[new]
     fn new(
         py: Python<'_>,
-        positions: &Bound<'_, PyAny>,
-        triangles: PyReadonlyArray2<'_, u32>,
-        starts: Vec<u32>,
+        meshes: Vec<Arrays<'_>>,
         tree: &str,
         layout: &str,
         nthreads: usize,
     ) -> PyResult<Self> {
-        let mesh = mesh_of(positions, &triangles)?;
-        Tree::over(py, &mesh, starts, (tree, layout), nthreads)
+        Tree::over(py, mesh_of(&meshes)?, (tree, layout), nthreads)
     }
 
-    /// The tree in a file, over the same mesh as this one's would be; arguments as for the tree
-    /// that is built.
+    /// The tree in a file, over meshes as for a tree that is built.
     #[staticmethod]
-    fn load(
-        py: Python<'_>,
-        path: PathBuf,
-        positions: &Bound<'_, PyAny>,
-        triangles: PyReadonlyArray2<'_, u32>,
-        starts: Vec<u32>,
-    ) -> PyResult<Self> {
-        let mesh = mesh_of(positions, &triangles)?;
+    fn load(py: Python<'_>, path: PathBuf, meshes: Vec<Arrays<'_>>) -> PyResult<Self> {
+        let (mesh, parts) = mesh_of(&meshes)?;
         let mut settings = Settings::of_preset(Preset::Default);
         let built = interruptible(py, |_| {
             let built = splitplane_lab::load_tree(&path, &mesh, &mut settings);
@@ -330,7 +316,7 @@ impl Tree {
         Ok(Tree {
             built,
             settings,
-            starts,
+            parts,
         })
     }
 
@@ -554,19 +540,27 @@ fn io_error(error: std::io::Error, path: &Path) -> PyErr {
     std::io::Error::new(error.kind(), text).into()
 }
 
-fn mesh_of(positions: &Bound<'_, PyAny>, triangles: &PyReadonlyArray2<'_, u32>) -> PyResult<Mesh> {
-    let triangles = triple(batch::rows(triangles, "triangles", &[3])?.0);
-    let mesh = if let Ok(positions) = positions.extract::<PyReadonlyArray2<'_, f64>>() {
-        let positions = triple(batch::rows(&positions, "vertices", &[3])?.0);
-        Mesh::from_f64(&positions, triangles)
-    } else {
-        let positions = positions.extract::<PyReadonlyArray2<'_, f32>>()?;
-        Mesh::new(
-            triple(batch::rows(&positions, "vertices", &[3])?.0),
-            triangles,
-        )
-    };
-    mesh.map_err(|error| PyValueError::new_err(error.to_string()))
+/// Positions and triangles of a mesh.
+type Arrays<'py> = (Bound<'py, PyAny>, PyReadonlyArray2<'py, u32>);
+
+/// The meshes as one.
+fn mesh_of(meshes: &[Arrays<'_>]) -> PyResult<(Mesh, Parts)> {
+    let value_error = |error: MeshError| PyValueError::new_err(error.to_string());
+    let meshes: Vec<Mesh> = (meshes.iter())
+        .map(|(positions, triangles)| {
+            let triangles = triple(batch::rows(triangles, "triangles", &[3])?.0);
+            let mesh = if let Ok(positions) = positions.extract::<PyReadonlyArray2<'_, f64>>() {
+                let positions = triple(batch::rows(&positions, "vertices", &[3])?.0);
+                Mesh::from_f64(&positions, triangles)
+            } else {
+                let positions = positions.extract::<PyReadonlyArray2<'_, f32>>()?;
+                let positions = triple(batch::rows(&positions, "vertices", &[3])?.0);
+                Mesh::new(positions, triangles)
+            };
+            mesh.map_err(value_error)
+        })
+        .collect::<PyResult<_>>()?;
+    Mesh::join(&meshes).map_err(value_error)
 }
 
 /// Numbers by threes.

@@ -179,6 +179,7 @@ def test_the_card_shows_itself(scene):
     card = scene.card()
     assert card["triangles"] == 2 * (40 * 40 + 24 * 24)
     assert "SAH cost" in repr(card) and str(card["depth"]) in repr(card)
+    assert card["wide"]["nodes"] > 10 and f"{card['wide']['nodes']:,} nodes" in repr(card)
     assert card._repr_html_().startswith("<table>")
     assert "2 geometries" in repr(scene) and "<table>" in scene._repr_html_()
 

@@ -55,6 +55,12 @@ def test_a_picture_is_the_same_with_every_tree_and_counted(ring):
     assert np.array_equal(picture, counted)
     assert stats["triangle_tests"].shape == (32, 48) and stats["triangle_tests"].sum() > 1000
     assert stats["normal"].shape == (32, 48, 3) and stats["camera_rays"] >= 48 * 32
+    # Wide nodes are counted as such, and there are no others.
+    visits = ["kd_visits", "oblique_visits", "wide_visits", "leaf_visits"]
+    assert [stats[name].sum() > 0 for name in visits] == [False, False, True, True]
+    again, stats = splitplane.render(ring, tree="wn+kd:6", layout="binary", stats=True, **how)
+    assert np.array_equal(picture, again)
+    assert [stats[name].sum() > 0 for name in visits] == [True, True, False, True]
 
 
 def test_records_are_dictionaries(ring):

@@ -17,16 +17,32 @@ __all__ = ["Array", "Card", "RaycastingScene"]
 
 
 class Array(np.ndarray[Any, Any]):
-    """A NumPy array that also answers to ``.numpy()``, as the tensors of Open3D do."""
+    """A NumPy array that also answers to what is mostly asked of Open3D's tensors."""
 
     def numpy(self) -> NDArray[Any]:
         """The plain array."""
         return self.view(np.ndarray)
 
+    def cpu(self) -> Array:
+        """The array itself."""
+        return self
+
+    def isfinite(self) -> Array:
+        """Whether each number is neither infinite nor NaN; of ``t_hit``, whether there is a hit."""
+        return np.isfinite(self).view(Array)
+
+    def isinf(self) -> Array:
+        """Whether each number is infinite."""
+        return np.isinf(self).view(Array)
+
+    def isnan(self) -> Array:
+        """Whether each number is NaN."""
+        return np.isnan(self).view(Array)
+
 
 class Card(dict[str, Any]):
-    """What is known of a tree: its size, shape and expected cost, as a dictionary that shows
-    itself as a table."""
+    """What is known of a tree as it was built, its size, shape and expected cost, as a dictionary
+    that shows itself as a table; ``wide`` is what is known of it in the wide layout."""
 
     def _rows(self) -> list[tuple[str, str]]:
         nodes = self["nodes"]
@@ -34,7 +50,7 @@ class Card(dict[str, Any]):
         skipped = self["skipped_not_finite"] + self["skipped_degenerate"]
         triangles = f"{self['triangles']:,}" + (f" ({skipped:,} skipped)" if skipped else "")
         interior = nodes["kd"] + nodes["oblique"]
-        return [
+        rows = [
             ("tree", tree),
             ("triangles", triangles),
             ("interior nodes", f"{interior:,} ({nodes['oblique']:,} oblique)"),
@@ -48,6 +64,10 @@ class Card(dict[str, Any]):
             ("size", f"{self['tree_bytes'] / 1e6:.3g} MB"),
             ("built in", f"{self['build_s']:.3g} s"),
         ]
+        if wide := self["wide"]:
+            nodes = f"{wide['nodes']:,} nodes, {wide['leaves']:,} leaves"
+            rows.append(("wide layout", f"{nodes}, {wide['bytes'] / 1e6:.3g} MB"))
+        return rows
 
     def __repr__(self) -> str:
         rows = self._rows()
@@ -148,8 +168,7 @@ class RaycastingScene:
         self._nthreads = self._threads(nthreads)
         self._name = tree
         self._layout = layout
-        self._vertices: list[NDArray[Any]] = []
-        self._triangles: list[NDArray[np.uint32]] = []
+        self._meshes: list[tuple[NDArray[np.float32], NDArray[np.uint32]]] = []
         self._built: _native.Tree | None = None
 
     @staticmethod
@@ -181,28 +200,14 @@ class RaycastingScene:
             raise ValueError(
                 f"triangles names vertex {indices.max()}, but there are {len(positions)} vertices"
             )
-        self._vertices.append(np.array(positions, dtype=np.float32))
-        self._triangles.append(indices.copy())
+        self._meshes.append((np.array(positions, dtype=np.float32, order="C"), indices.copy()))
         self._built = None
-        return len(self._triangles) - 1
-
-    def _mesh(self) -> tuple[NDArray[np.float32], NDArray[np.uint32], list[int]]:
-        """The meshes as one, and the first triangle of each."""
-        shifts = np.cumsum([0] + [len(v) for v in self._vertices])
-        starts = np.cumsum([0] + [len(t) for t in self._triangles])
-        if shifts[-1] >= 2**32 - 1 or starts[-1] >= 2**32 - 1:
-            raise ValueError("more vertices or triangles than 32-bit indices can name")
-        triangles = [t + np.uint32(s) for t, s in zip(self._triangles, shifts)]
-        return (
-            np.concatenate([np.zeros((0, 3), np.float32), *self._vertices]),
-            np.concatenate([np.zeros((0, 3), np.uint32), *triangles]),
-            [int(start) for start in starts[:-1]] or [0],
-        )
+        return len(self._meshes) - 1
 
     @property
     def _tree(self) -> _native.Tree:
         if self._built is None:
-            self._built = _native.Tree(*self._mesh(), self._name, self._layout, self._nthreads)
+            self._built = _native.Tree(self._meshes, self._name, self._layout, self._nthreads)
         return self._built
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -219,7 +224,7 @@ class RaycastingScene:
             OSError: The file cannot be read.
             ValueError: It is not a saved tree, is damaged, or is that of other meshes.
         """
-        self._built = _native.Tree.load(os.fspath(path), *self._mesh())
+        self._built = _native.Tree.load(os.fspath(path), self._meshes)
         return self
 
     def build(self) -> RaycastingScene:
@@ -232,9 +237,9 @@ class RaycastingScene:
         return Card(json.loads(self._tree.card("scene")))
 
     def __repr__(self) -> str:
-        count = sum(len(t) for t in self._triangles)
+        count = sum(len(triangles) for _, triangles in self._meshes)
         return (
-            f"<RaycastingScene of {len(self._triangles)} geometries, {count} triangles, "
+            f"<RaycastingScene of {len(self._meshes)} geometries, {count} triangles, "
             f"tree {self._built.name if self._built else self._name!r}>"
         )
 
