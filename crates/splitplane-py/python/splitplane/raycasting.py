@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import operator
 import os
 from collections.abc import Sequence
 from typing import Any
@@ -14,6 +15,9 @@ from numpy.typing import ArrayLike, NDArray
 from . import _native
 
 __all__ = ["Array", "Card", "RaycastingScene"]
+
+MAX_THREADS = 4096
+"""More would be a mistake."""
 
 
 class Array(np.ndarray[Any, Any]):
@@ -92,9 +96,20 @@ def _plain(values: object) -> NDArray[Any]:
     return np.asarray(values)
 
 
+def threads(nthreads: int) -> int:
+    """The number of threads, checked."""
+    count = operator.index(nthreads)
+    if not 0 <= count <= MAX_THREADS:
+        raise ValueError(f"nthreads must be 0 (one per core) to {MAX_THREADS}, not {count}")
+    return count
+
+
 def numbers(values: object, columns: int, what: str) -> NDArray[Any]:
     """The values as an array of real numbers with that many columns, not copied."""
-    array: NDArray[Any] = _plain(values)
+    try:
+        array: NDArray[Any] = _plain(values)
+    except ValueError as error:
+        raise ValueError(f"{what} must have the shape (..., {columns}): {error}") from None
     if array.dtype.kind not in "fiu":
         raise TypeError(f"{what} must be real numbers, not {array.dtype}")
     if array.ndim < 1 or array.shape[-1] != columns:
@@ -151,6 +166,7 @@ class RaycastingScene:
 
     Args:
         nthreads: Threads, for building and for queries that do not say otherwise; 0: one per core.
+        device: There for Open3D's sake; the CPU.
         tree: The name of the tree; see :func:`splitplane.trees`.
         layout: How its nodes are stored: "wide", for speed, or "binary", as it was built, whose
             counts can be compared with those of papers.
@@ -161,41 +177,48 @@ class RaycastingScene:
     def __init__(
         self,
         nthreads: int = 0,
+        device: object = None,
         *,
         tree: str = _native.DEFAULT_TREE,
         layout: str = "wide",
     ) -> None:
-        self._nthreads = self._threads(nthreads)
+        if device is not None and not str(device).upper().startswith("CPU"):
+            raise ValueError(f"rays are cast on the CPU, not on {device}")
+        self._nthreads = threads(nthreads)
         self._name = tree
         self._layout = layout
         self._meshes: list[tuple[NDArray[np.float32], NDArray[np.uint32]]] = []
         self._built: _native.Tree | None = None
 
-    @staticmethod
-    def _threads(nthreads: int) -> int:
-        if nthreads < 0:
-            raise ValueError(f"nthreads must be 0 (one per core) or more, not {nthreads}")
-        return int(nthreads)
-
     def _queries(self, nthreads: int) -> int:
-        return self._threads(nthreads) or self._nthreads
+        return threads(nthreads) or self._nthreads
 
-    def add_triangles(self, vertices: object, triangles: object = None) -> int:
+    def add_triangles(
+        self,
+        vertex_positions: object = None,
+        triangle_indices: object = None,
+        *,
+        mesh: object = None,
+    ) -> int:
         """Adds a mesh.
 
         Args:
-            vertices: (N, 3) positions, or a mesh of Open3D or trimesh.
-            triangles: (M, 3) indices into them.
+            vertex_positions: (N, 3) positions; or a mesh of Open3D or trimesh, alone.
+            triangle_indices: (M, 3) indices into them.
+            mesh: A mesh of Open3D or trimesh, instead of both.
 
         Returns:
             The mesh's geometry id: 0 for the first.
         """
-        if triangles is None:
-            vertices, triangles = _of_mesh(vertices)
-        positions = numbers(vertices, 3, "vertices")
+        if mesh is not None and (vertex_positions is not None or triangle_indices is not None):
+            raise TypeError("add_triangles takes vertices and triangles, or a mesh, not both")
+        if triangle_indices is None:
+            mesh = vertex_positions if mesh is None else mesh
+            vertex_positions, triangle_indices = _of_mesh(mesh)
+        positions = numbers(vertex_positions, 3, "vertices")
         if positions.ndim != 2:
             raise ValueError(f"vertices must have the shape (N, 3), not {positions.shape}")
-        indices = _indices(triangles, "triangles")
+        indices = _indices(triangle_indices, "triangles")
         if len(indices) and indices.max() >= len(positions):
             raise ValueError(
                 f"triangles names vertex {indices.max()}, but there are {len(positions)} vertices"
@@ -344,9 +367,9 @@ class RaycastingScene:
         ``nsamples`` is there for Open3D's sake: which side a point is on is exact here.
         """
         flat, shape = rows(query_points, 3, "query_points")
-        threads = self._queries(nthreads)
-        distance = self._tree.closest_point(flat, threads)[1]
-        inside = self._tree.contains(flat, threads)
+        count = self._queries(nthreads)
+        distance = self._tree.closest_point(flat, count)[1]
+        inside = self._tree.contains(flat, count)
         return _shaped(np.where(inside, -distance, distance), shape)
 
     def compute_occupancy(
@@ -383,6 +406,8 @@ class RaycastingScene:
                 f"create_rays_pinhole takes {', '.join(by_matrix)}; or {', '.join(by_view)}"
             )
         width, height = int(given["width_px"]), int(given["height_px"])
+        if width < 0 or height < 0:
+            raise ValueError(f"width_px and height_px are {width} and {height}; 0 or more will do")
         if names is by_view:
             intrinsic, extrinsic = _view(
                 float(given["fov_deg"]), given["center"], given["eye"], given["up"], width, height
@@ -415,18 +440,26 @@ def _stats(counts: NDArray[np.uint32] | None, shape: tuple[int, ...]) -> dict[st
     return {name: _shaped(counts[:, i], shape) for i, name in enumerate(names)}
 
 
+def _vector(values: object, what: str) -> NDArray[np.float64]:
+    vector = np.asarray(numbers(values, 3, what), np.float64)
+    if vector.shape != (3,):
+        raise ValueError(f"{what} must have the shape (3,), not {vector.shape}")
+    return vector
+
+
 def _view(
     fov_deg: float, center: ArrayLike, eye: ArrayLike, up: ArrayLike, width: int, height: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Intrinsic and extrinsic matrix of a camera at ``eye`` that looks at ``center``."""
     focal = 0.5 * width / np.tan(0.5 * np.radians(fov_deg))
     intrinsic = np.array([[focal, 0, 0.5 * width], [0, focal, 0.5 * height], [0, 0, 1.0]])
-    at = np.asarray(_plain(eye), np.float64).reshape(3)
-    forward = np.asarray(_plain(center), np.float64).reshape(3) - at
-    forward = forward / np.linalg.norm(forward)
+    at = _vector(eye, "eye")
+    forward = _vector(center, "center") - at
     # Open3D's: the camera's y axis goes up, so that its x axis goes left.
-    left = np.cross(np.asarray(_plain(up), np.float64).reshape(3), forward)
-    left = left / np.linalg.norm(left)
+    left = np.cross(_vector(up, "up"), forward)
+    if not np.linalg.norm(left) > 0:
+        raise ValueError("eye and center must differ, and up must point aside of the line of sight")
+    forward, left = forward / np.linalg.norm(forward), left / np.linalg.norm(left)
     extrinsic = np.eye(4)
     extrinsic[:3, :3] = [left, np.cross(forward, left), forward]
     extrinsic[:3, 3] = -extrinsic[:3, :3] @ at

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
-from .raycasting import Card, RaycastingScene
+from .raycasting import Card, RaycastingScene, threads
 
 __all__ = ["Note", "Scene", "TreeKind", "compare", "load_scene", "render", "trees"]
 
@@ -76,7 +76,7 @@ class Scene:
 
     def _tree(self, tree: str, layout: str, nthreads: int) -> _native.Tree:
         if (tree, layout) not in self._trees:
-            self._trees[tree, layout] = self._scene.build(tree, layout, nthreads)
+            self._trees[tree, layout] = self._scene.build(tree, layout, threads(nthreads))
         return self._trees[tree, layout]
 
     def card(
@@ -126,9 +126,10 @@ def _picture(
     crop: Crop | None,
     max_depth: int | None,
 ) -> tuple[int, int, int | None, tuple[int, int] | None, Crop | None, int | None]:
-    if nthreads < 0:
-        raise ValueError(f"nthreads must be 0 (one per core) or more, not {nthreads}")
-    return nthreads, seed, spp, resolution, crop, max_depth
+    for name, value in (("seed", seed), ("spp", spp), ("max_depth", max_depth)):
+        if value is not None and not 0 <= value < 2**32:
+            raise ValueError(f"{name} must be from 0 to {2**32 - 1}, not {value}")
+    return threads(nthreads), seed, spp, resolution, crop, max_depth
 
 
 def _loaded(scene: Scene | str | os.PathLike[str]) -> Scene:

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
-from .raycasting import Card, RaycastingScene, numbers
+from .raycasting import Card, RaycastingScene, numbers, threads
 
 __all__ = ["RayMeshIntersector"]
 
@@ -54,7 +54,7 @@ class RayMeshIntersector:
         self.mesh = geometry
         self._scale_to_box = scale_to_box
         self._name, self._layout = tree, layout
-        self._nthreads = nthreads
+        self._nthreads = threads(nthreads)
         self._built: tuple[int, _native.Tree] | None = None
 
     @property

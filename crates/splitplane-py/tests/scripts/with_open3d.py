@@ -49,7 +49,7 @@ found["distance"] = scene.compute_distance(query).numpy()
 found["signed"] = scene.compute_signed_distance(query).numpy()
 found["inside"] = scene.compute_occupancy(query).numpy()
 nearest = scene.compute_closest_points(o3d.core.Tensor(query))
-found["nearest"] = nearest["points"].numpy()
+found["nearest"] = np.linalg.norm(query - nearest["points"].numpy(), axis=-1)
 found["nearest_ids"] = nearest["geometry_ids"].cpu().numpy()
 
 np.savez(sys.argv[1], **found)
