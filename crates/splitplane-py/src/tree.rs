@@ -133,17 +133,17 @@ impl Tree {
                         let mut hits = [None; CHUNK];
                         let hits = &mut hits[..rows.len()];
                         C::closest_hits(&self.built.tree, rays.of_rows(rows, chunk), hits, costs);
+                        t.fill(f32::INFINITY);
+                        geometry.fill(MISS);
+                        triangle.fill(MISS);
+                        uv.fill([0.0; 2]);
+                        normal.fill([0.0; 3]);
                         for (i, hit) in hits.iter().enumerate() {
                             if let Some(hit) = hit {
                                 t[i] = hit.t;
                                 (geometry[i], triangle[i]) = self.own(hit.triangle);
                                 uv[i] = [hit.u, hit.v];
                                 normal[i] = normals[hit.triangle as usize];
-                            } else {
-                                t[i] = f32::INFINITY;
-                                (geometry[i], triangle[i]) = (MISS, MISS);
-                                uv[i] = [0.0; 2];
-                                normal[i] = [0.0; 3];
                             }
                         }
                     });
