@@ -146,7 +146,7 @@ fn together<'a>(
                 *tests.entry(size).or_default() += weight * card.expected_tests * share;
             }
         }
-        whole.build += card.build.clone();
+        whole.build += card.build;
     }
     whole.leaf_sizes = leaves.into_iter().collect();
     let all: f64 = tests.values().sum();

@@ -130,6 +130,20 @@ pub struct PixelCounts {
     pub wide_visits: u32,
 }
 
+/// One of the counters of a pixel.
+pub type PixelCounter = fn(&PixelCounts) -> u32;
+
+impl PixelCounts {
+    /// Each counter by its name, as it is in files and in Python.
+    pub const NAMED: [(&'static str, PixelCounter); 5] = [
+        ("triangle_tests", |c| c.triangle_tests),
+        ("kd_visits", |c| c.kd_visits),
+        ("oblique_visits", |c| c.oblique_visits),
+        ("leaf_visits", |c| c.leaf_visits),
+        ("wide_visits", |c| c.wide_visits),
+    ];
+}
+
 /// [`PixelCounts`] of all pixels, row by row from the top.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PixelCounters {
