@@ -341,7 +341,9 @@ fn instances_that_are_kept_give_the_picture_of_their_copies() {
     assert_eq!(kept.contents, flat.contents);
     assert_eq!(
         kept.contents.unique_triangles,
-        kept.meshes().map(|m| m.triangles().len() as u64).sum::<u64>()
+        kept.meshes()
+            .map(|m| m.triangles().len() as u64)
+            .sum::<u64>()
     );
     for layout in Layout::ALL {
         let build = |mesh| {

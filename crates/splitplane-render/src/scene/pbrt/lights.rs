@@ -83,10 +83,15 @@ pub(crate) fn light(
         }
         "infinite" | "exinfinite" => {
             d.params.ignore(&["nsamples", "samples"]);
+            let map = map(maker, d, "rendered as if it were white", wrap)?;
             Some(Light::Infinite {
                 radiance: scaled(maker, d, "L")?,
-                map: map(maker, d, "rendered as if it were white", wrap)?,
-                sphere,
+                // Without a picture it is only how samples are spread: alike in both dialects.
+                sphere: match map {
+                    Some(_) => sphere,
+                    None => SphereMap::LongitudeLatitude,
+                },
+                map,
                 to_world: *to_world,
             })
         }
