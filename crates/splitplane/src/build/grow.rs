@@ -7,7 +7,7 @@ use super::cost::{Choice, Contest};
 use super::extents::{Corners, Extents};
 use super::lists::{LISTS_FROM, MAX_LISTED, SortedLists};
 use super::params::{BuildParams, BuildStats, Ties};
-use super::search::{Search, SearchScratch, Shape};
+use super::search::{Best, Search, SearchScratch, Shape};
 use super::sweep::{Events, search_extents, sweep};
 use super::ties::Boundary;
 use super::triangle_planes::{self, PlaneSearch, TrianglePlane};
@@ -15,11 +15,14 @@ use super::watch::{Progress, WHOLE, Watched, divide};
 use super::{framed, objects};
 use crate::catalog::{Directions, TreeChoice};
 use crate::directions::{self, NodeView, Random, fixed};
-use crate::geometry::polytope::CutScratch;
+use crate::geometry::polytope::{CutScratch, Polytope};
 use crate::geometry::{Aabb, Frame, Mesh};
 
 /// Subtrees with at least this many triangles are built in parallel.
 pub(super) const PARALLEL_FROM: usize = 4096;
+
+/// In a node of at least this many triangles each direction is swept on its own, in parallel.
+const SHARED_FROM: usize = 1 << 14;
 
 /// In a node of at least this many triangles it is asked whether to stop.
 pub(super) const ASKED_FROM: usize = 64;
@@ -153,13 +156,34 @@ struct Node {
 #[derive(Default)]
 struct Scratch {
     corners: Corners,
-    extents: Extents,
-    events: Events,
     directions: Vec<[f32; 3]>,
-    search: SearchScratch,
+    sweeps: SweepScratch,
+    /// The cell of a node that is a box.
+    of_box: Polytope,
     cut: CutScratch,
     /// On which sides of a plane a triangle of the mesh is: 1 below, 2 above, 3 both.
     sides: Vec<u8>,
+    /// The triangles below and above a plane.
+    parts: [Vec<u32>; 2],
+}
+
+/// Buffers of sweeps.
+#[derive(Default)]
+struct SweepScratch {
+    extents: Extents,
+    events: Events,
+    search: SearchScratch,
+}
+
+/// What the sweeps of a node have in common.
+struct Swept<'a> {
+    node: &'a Node,
+    cell: &'a Cell,
+    shape: Option<Shape<'a>>,
+    /// The node has lists of the first so many directions.
+    listed: usize,
+    /// The triangles, for other directions.
+    corners: &'a Corners,
 }
 
 struct Builder<'a> {
@@ -207,7 +231,7 @@ pub(crate) fn grow(
     let axes = if spec.axes { AXES.as_slice() } else { &[] };
     let listed_axes = axes.iter().map(|&axis| (axis, Origin::Axis));
     let listed_fixed = fixed.iter().enumerate().skip(axes.len());
-    let all = || 0..mesh.triangles().len() as u32;
+    let all = || (0..mesh.triangles().len() as u32).into_par_iter();
     let corners: Vec<_> = all().map(|i| mesh.corners(i)).collect();
     let mut builder = Builder {
         mesh,
@@ -361,16 +385,22 @@ impl Builder<'_> {
         let n = node.triangles.len();
         let mut contest = Contest::new();
         let mut candidates = 0;
-        let polytope = (!spec.only_axes()).then(|| cell.to_polytope());
-        let shape = polytope.as_deref().map(Shape::of);
         let Scratch {
             corners,
-            extents,
-            events,
             directions,
-            search: buffers,
+            sweeps,
+            of_box,
             ..
         } = scratch;
+        let polytope = match cell {
+            Cell::Polytope(polytope) => Some(polytope),
+            Cell::Box(_) if spec.only_axes() => None,
+            Cell::Box(aabb) => {
+                of_box.set_box(aabb);
+                Some(&*of_box)
+            }
+        };
+        let shape = polytope.map(Shape::of);
         directions.clear();
         let view = NodeView {
             normals: &self.normals,
@@ -383,53 +413,47 @@ impl Builder<'_> {
             None => 0,
         };
         if self.everywhere.len() + directions.len() > listed {
-            corners.gather(
-                node.triangles
-                    .iter()
-                    .map(|&triangle| self.corners[triangle as usize]),
-            );
+            corners.gather(n, |i| self.corners[node.triangles[i] as usize]);
         }
+        let swept = Swept {
+            node,
+            cell,
+            shape,
+            listed,
+            corners,
+        };
         let own = directions
             .iter()
             .map(|&direction| (direction, Origin::Direction));
-        let all = || self.everywhere.iter().copied().chain(own.clone());
-        let area = shape.map_or(node.area, |shape| shape.area);
+        let all = self.everywhere.iter().copied().chain(own).enumerate();
         // Axes first, since they may compete with other planes at another price.
         for are_axes in [true, false] {
-            let limits = (contest.bar(are_axes, spec, params, n), params.empty_bonus);
-            let mut search = Search::new(area, shape, limits, buffers);
-            for (i, (normal, origin)) in all().enumerate() {
-                if (origin == Origin::Axis) != are_axes {
-                    continue;
-                }
-                let axis = AXES.iter().position(|&axis| axis == normal);
-                match (cell, axis) {
-                    (Cell::Box(aabb), Some(axis)) => search.turn_in_box(aabb, axis),
-                    _ => {
-                        let direction = glam::Vec3::from(normal).as_dvec3();
-                        search.turn(direction, origin != Origin::Direction);
-                    }
-                }
-                candidates += match &node.lists {
-                    Some(lists) if i < listed => sweep(&lists.of(i), self.tolerance, &mut search),
-                    _ => {
-                        corners.extents(params.ties, normal, axis, extents);
-                        search_extents(extents, self.tolerance, events, &mut search)
-                    }
-                };
-                search.probe();
+            let bar = contest.bar(are_axes, spec, params, n);
+            let group = all
+                .clone()
+                .filter(|(_, (_, origin))| (*origin == Origin::Axis) == are_axes);
+            if n < SHARED_FROM {
+                let (found, count) = self.sweep(&swept, group, bar, sweeps);
+                candidates += count;
+                found
+                    .into_iter()
+                    .for_each(|(plane, best)| contest.enter(plane, are_axes, best));
+                continue;
             }
-            if let Some((found, best)) = search.finish(self.tolerance)
-                && let Some((normal, origin)) = all()
-                    .filter(|(_, origin)| (*origin == Origin::Axis) == are_axes)
-                    .nth(found)
-            {
-                let plane = SplitPlane {
-                    normal,
-                    boundary: best.boundary,
-                    origin,
-                };
-                contest.enter(plane, are_axes, best);
+            // Whether there are other threads or not, so that rounding is the same.
+            let group: Vec<_> = group.collect();
+            let all_found: Vec<_> = group
+                .into_par_iter()
+                .map(|direction| {
+                    let scratch = &mut SweepScratch::default();
+                    self.sweep(&swept, std::iter::once(direction), bar, scratch)
+                })
+                .collect();
+            for (found, count) in all_found {
+                candidates += count;
+                found
+                    .into_iter()
+                    .for_each(|(plane, best)| contest.enter(plane, are_axes, best));
             }
         }
         if let (true, Some(shape)) = (spec.triangle_planes, shape) {
@@ -465,6 +489,59 @@ impl Builder<'_> {
         (contest, candidates)
     }
 
+    /// The best plane across some of a node's directions, if it has fewer expected tests than `bar`;
+    /// and how many planes were candidates.
+    fn sweep(
+        &self,
+        swept: &Swept,
+        directions: impl Iterator<Item = (usize, ([f32; 3], Origin))> + Clone,
+        bar: f64,
+        SweepScratch {
+            extents,
+            events,
+            search,
+        }: &mut SweepScratch,
+    ) -> (Option<(SplitPlane, Best)>, u64) {
+        let Swept {
+            node,
+            cell,
+            shape,
+            listed,
+            corners,
+        } = *swept;
+        let area = shape.map_or(node.area, |shape| shape.area);
+        let mut search = Search::new(area, shape, (bar, self.params.empty_bonus), search);
+        let mut candidates = 0;
+        for (i, (normal, origin)) in directions.clone() {
+            let axis = AXES.iter().position(|&axis| axis == normal);
+            match (cell, axis) {
+                (Cell::Box(aabb), Some(axis)) => search.turn_in_box(aabb, axis),
+                _ => {
+                    let direction = glam::Vec3::from(normal).as_dvec3();
+                    search.turn(direction, origin != Origin::Direction);
+                }
+            }
+            candidates += match &node.lists {
+                Some(lists) if i < listed => sweep(&lists.of(i), self.tolerance, &mut search),
+                _ => {
+                    corners.extents(self.params.ties, normal, axis, extents);
+                    search_extents(extents, self.tolerance, events, &mut search)
+                }
+            };
+            search.probe();
+        }
+        let found = search.finish(self.tolerance).and_then(|(found, best)| {
+            let (_, (normal, origin)) = directions.clone().nth(found)?;
+            let plane = SplitPlane {
+                normal,
+                boundary: best.boundary,
+                origin,
+            };
+            Some((plane, best))
+        });
+        (found, candidates)
+    }
+
     /// The extent of a triangle along a direction, which may be an axis.
     #[inline(always)]
     fn extent(&self, axis: Option<usize>, normal: [f32; 3], triangle: u32) -> (f32, f32) {
@@ -496,8 +573,11 @@ impl Builder<'_> {
     fn sides(&self, node: &Node, plane: &SplitPlane, scratch: &mut Scratch) -> [Vec<u32>; 2] {
         let axis = plane.axis();
         let n = node.triangles.len();
-        let mut parts = [Vec::with_capacity(n), Vec::with_capacity(n)];
-        let sides = &mut scratch.sides;
+        let Scratch { sides, parts, .. } = scratch;
+        parts.iter_mut().for_each(|part| {
+            part.clear();
+            part.reserve(n);
+        });
         if node.lists.is_some() {
             sides.resize(self.corners.len(), 0);
         }
@@ -514,8 +594,8 @@ impl Builder<'_> {
                 sides[triangle as usize] = u8::from(below) | u8::from(above) << 1;
             }
         }
-        parts.iter_mut().for_each(Vec::shrink_to_fit);
-        parts
+        // As much memory as they take, whatever the node took.
+        [&*parts[0], &*parts[1]].map(<[u32]>::to_vec)
     }
 
     /// The two children of a node with these triangles.

@@ -60,14 +60,17 @@ pub(crate) struct Shape<'a> {
     pub(crate) polytope: &'a Polytope,
     pub(crate) area: f64,
     pub(crate) volume: f64,
+    per_area: f64,
 }
 
 impl<'a> Shape<'a> {
     pub(crate) fn of(polytope: &'a Polytope) -> Self {
+        let area = polytope.surface_area();
         Shape {
             polytope,
-            area: polytope.surface_area(),
+            area,
             volume: polytope.volume(),
+            per_area: 1.0 / area,
         }
     }
 }
@@ -82,6 +85,8 @@ struct Sight {
     direction: DVec3,
     aim: Aim,
     bounds: Bounds,
+    /// There may be faces at the ends that `bounds` do not know of yet.
+    has_end_faces: bool,
     /// The areas that are known, with the planes' offsets.
     measured: Vec<(f32, (f64, f64))>,
 }
@@ -108,14 +113,12 @@ impl Bounds {
     /// `ends` are the areas of the faces at the lowest and the highest plane.
     pub(super) fn new((low, high): (f64, f64), ends: (f64, f64), shape: &Shape) -> Self {
         let per_length = 1.0 / (high - low);
+        let root = |end: f64| (2.0 * end * shape.per_area).sqrt();
         Bounds {
             low,
             per_length,
-            ends: (
-                (2.0 * ends.0 / shape.area).sqrt(),
-                (2.0 * ends.1 / shape.area).sqrt(),
-            ),
-            caps: 6.0 * shape.volume.max(0.0) * per_length / shape.area,
+            ends: (root(ends.0), root(ends.1)),
+            caps: 6.0 * shape.volume.max(0.0) * per_length * shape.per_area,
         }
     }
 
@@ -123,12 +126,16 @@ impl Bounds {
     /// triangles on either side.
     #[inline(always)]
     pub(super) fn expected_tests(&self, from: f64, to: f64, below: f64, above: f64) -> f64 {
-        let f = ((from - self.low) * self.per_length).clamp(0.0, 1.0);
-        let g = 1.0 - ((to - self.low) * self.per_length).clamp(0.0, 1.0);
+        // One instruction each, as f64::min and max are not.
+        let min = |a: f64, b: f64| if a < b { a } else { b };
+        let max = |a: f64, b: f64| if a > b { a } else { b };
+        let fraction = |t: f64| min(max((t - self.low) * self.per_length, 0.0), 1.0);
+        let f = fraction(from);
+        let g = 1.0 - fraction(to);
         let x = (self.ends.0 + f * (1.0 - self.ends.0)).powi(2);
         let y = (self.ends.1 + g * (1.0 - self.ends.1)).powi(2);
-        let least = f.min(1.0 - f).min(g.min(1.0 - g));
-        let both = (1.0 + self.caps * least * least).max(x + y);
+        let least = min(min(f, 1.0 - f), min(g, 1.0 - g));
+        let both = max(1.0 + self.caps * least * least, x + y);
         let tests = if below <= above {
             below * (both - y) + above * y
         } else {
@@ -153,6 +160,8 @@ pub(crate) struct Search<'a> {
     survivors: &'a mut Vec<Survivor>,
     /// The survivors are in order, those of the least bounds last.
     are_sorted: bool,
+    /// The most promising survivor, where that is known.
+    promising: Option<usize>,
     profile: &'a mut Profile,
 }
 
@@ -176,6 +185,7 @@ impl<'a> Search<'a> {
             sights: &mut scratch.sights,
             survivors: &mut scratch.survivors,
             are_sorted: false,
+            promising: None,
             profile: &mut scratch.profile,
         }
     }
@@ -196,6 +206,7 @@ impl<'a> Search<'a> {
         let (p, q) = (extent[(axis + 1) % 3], extent[(axis + 2) % 3]);
         let sight = self.next();
         sight.linear = Some((p * q, 2.0 * (p + q)));
+        sight.has_end_faces = false;
         sight.inside = (f64::from(aabb.min[axis]), f64::from(aabb.max[axis]));
     }
 
@@ -208,11 +219,27 @@ impl<'a> Search<'a> {
         sight.direction = direction;
         sight.aim.at(shape.polytope, direction);
         sight.inside = sight.aim.inside();
-        let ends = match has_end_faces {
-            true => sight.aim.end_faces(shape.polytope),
-            false => (0.0, 0.0),
+        sight.has_end_faces = has_end_faces;
+        sight.bounds = Bounds::new(sight.aim.ends(), (0.0, 0.0), &shape);
+    }
+
+    /// Makes the bounds as tight as can be: looks for faces at the ends, if that is still to be
+    /// done. Whether that changed anything.
+    #[inline(never)]
+    pub(super) fn find_end_faces(&mut self) -> bool {
+        let Some(shape) = self.shape else {
+            return false;
         };
-        sight.bounds = Bounds::new(sight.aim.ends(), ends, &shape);
+        let sight = &mut self.sights[self.count - 1];
+        if !std::mem::take(&mut sight.has_end_faces) {
+            return false;
+        }
+        let ends = sight.aim.end_faces(shape.polytope);
+        let found = ends != (0.0, 0.0);
+        if found {
+            sight.bounds = Bounds::new(sight.aim.ends(), ends, &shape);
+        }
+        found
     }
 
     /// Where planes pass through the inside of the cell, both ends excluded.
@@ -249,21 +276,32 @@ impl<'a> Search<'a> {
             below: below as u32,
             above: above as u32,
         };
-        let at = f64::from(t);
         if let Some((end, rate)) = sight.linear {
-            let surface = (end + rate * (at - sight.inside.0)).clamp(0.0, self.area);
+            let surface = (end + rate * (f64::from(t) - sight.inside.0)).clamp(0.0, self.area);
             let below = (surface + end) / self.area;
             let above = (self.area - surface + end) / self.area;
             return self.enter(plane, (below, above));
         }
-        let mut bound = sight
-            .bounds
-            .expected_tests(at, at, below as f64, above as f64);
-        if below == 0 || above == 0 {
-            bound *= self.empty_factor;
+        let may_be_tighter = sight.has_end_faces;
+        let mut bound = self.bound(&plane);
+        if bound < self.bar && may_be_tighter && self.find_end_faces() {
+            bound = self.bound(&plane);
         }
         if bound < self.bar {
+            self.promising = None;
             self.survivors.push(Survivor { plane, bound });
+        }
+    }
+
+    #[inline(always)]
+    fn bound(&self, plane: &Plane) -> f64 {
+        let at = f64::from(plane.t);
+        let (below, above) = (f64::from(plane.below), f64::from(plane.above));
+        let bounds = &self.sights[self.count - 1].bounds;
+        let bound = bounds.expected_tests(at, at, below, above);
+        match plane.below == 0 || plane.above == 0 {
+            true => bound * self.empty_factor,
+            false => bound,
         }
     }
 
@@ -336,6 +374,7 @@ impl<'a> Search<'a> {
         if let Some(&(_, areas)) = known {
             self.enter(plane, areas);
         } else if sight.measured.len() == FEW {
+            self.promising = None;
             self.survivors.push(survivor);
             self.measure_all(plane.direction, &shape);
         } else {
@@ -354,13 +393,16 @@ impl<'a> Search<'a> {
         if self.are_sorted {
             return self.survivors.pop();
         }
-        let mut least = (0, f64::INFINITY);
-        for (i, survivor) in self.survivors.iter().enumerate() {
-            if survivor.bound < least.1 {
-                least = (i, survivor.bound);
+        let promising = self.promising.take().unwrap_or_else(|| {
+            let mut least = (0, f64::INFINITY);
+            for (i, survivor) in self.survivors.iter().enumerate() {
+                if survivor.bound < least.1 {
+                    least = (i, survivor.bound);
+                }
             }
-        }
-        (!self.survivors.is_empty()).then(|| self.survivors.swap_remove(least.0))
+            least.0
+        });
+        (promising < self.survivors.len()).then(|| self.survivors.swap_remove(promising))
     }
 
     /// Measures all survivors of a direction.
@@ -392,6 +434,7 @@ impl<'a> Search<'a> {
         let (below, above) = (below.sqrt(), above.sqrt());
         let (per_low, per_high) = (1.0 / (at - low), 1.0 / (high - at));
         let (bar, empty_factor) = (self.bar, self.empty_factor);
+        let (mut kept, mut promising, mut least) = (0, 0, f64::INFINITY);
         self.survivors.retain_mut(|Survivor { plane, bound }| {
             if plane.direction == measured.direction {
                 let t = f64::from(plane.t);
@@ -409,8 +452,16 @@ impl<'a> Search<'a> {
                 // What is measured is rounded too, so a thin cell's area is a little off.
                 *bound = bound.max(tests * (1.0 - ROUNDING));
             }
-            *bound < bar
+            let may_win = *bound < bar;
+            if may_win {
+                if *bound < least {
+                    (promising, least) = (kept, *bound);
+                }
+                kept += 1;
+            }
+            may_win
         });
+        self.promising = Some(promising);
     }
 }
 
