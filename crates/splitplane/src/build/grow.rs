@@ -11,7 +11,7 @@ use super::search::{Best, Search, SearchScratch, Shape};
 use super::sweep::{Events, search_extents, sweep};
 use super::ties::Boundary;
 use super::triangle_planes::{self, PlaneSearch, TrianglePlane};
-use super::watch::{Progress, WHOLE, Watched, divide};
+use super::watch::{BuildPart, Progress, WHOLE, Watched, divide};
 use super::{framed, objects};
 use crate::catalog::{Directions, TreeChoice};
 use crate::directions::{self, NodeView, Random, fixed};
@@ -98,8 +98,32 @@ pub(crate) struct Built {
     /// The frames of the boxes, where there are others than the world's.
     pub(crate) frames: Vec<Frame>,
     pub(crate) stats: BuildStats,
+    pub(crate) work: Work,
     /// The directions of the whole tree, where it has such.
     pub(crate) fixed: Vec<[f32; 3]>,
+}
+
+/// How much a build has done: exact, so that a build which does more than the last one is seen,
+/// whatever the machine. Candidates are in [`BuildStats`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Work {
+    /// Directions along which the triangles of a node were swept.
+    pub(crate) sweeps: u64,
+    /// Events that were swept: those of the triangles, along each direction.
+    pub(crate) events: u64,
+    /// Planes across oblique directions, or in oblique cells, whose areas were computed.
+    pub(crate) areas: u64,
+    /// References that were handed to children.
+    pub(crate) moved: u64,
+}
+
+impl std::ops::AddAssign for Work {
+    fn add_assign(&mut self, other: Work) {
+        self.sweeps += other.sweeps;
+        self.events += other.events;
+        self.areas += other.areas;
+        self.moved += other.moved;
+    }
 }
 
 impl Built {
@@ -130,6 +154,7 @@ impl Built {
         self.references.append(&mut other.references);
         self.boxes.append(&mut other.boxes);
         self.stats += other.stats;
+        self.work += other.work;
     }
 }
 
@@ -308,7 +333,9 @@ impl Builder<'_> {
 
     /// Appends the subtree of `node`.
     fn grow(&self, mut node: Node, built: &mut Built, scratch: &mut Scratch) {
-        let stopped = node.triangles.len() >= ASKED_FROM && self.watched.ask();
+        let n = node.triangles.len();
+        let _part = self.watched.part(BuildPart::Subtree, n);
+        let stopped = n >= ASKED_FROM && self.watched.ask();
         let children = match stopped {
             true => None,
             false => self.divide(&mut node, built, scratch),
@@ -347,7 +374,10 @@ impl Builder<'_> {
     ) -> Option<(SplitPlane, [Node; 2])> {
         let n = node.triangles.len();
         let cell = node.cell.take()?;
-        let (contest, candidates) = self.contest(node, &cell, scratch);
+        let part = self.watched.part(BuildPart::Search, n);
+        let (contest, candidates, work) = self.contest(node, &cell, scratch);
+        drop(part);
+        built.work += work;
         let stats = &mut built.stats;
         stats.candidates += candidates;
         let choice = contest.decide(self.choice.spec, self.params, n)?;
@@ -356,12 +386,14 @@ impl Builder<'_> {
             self.recycle(cell, scratch);
             return None;
         }
+        let _part = self.watched.part(BuildPart::Divide, n);
         let triangles = self.sides(node, &choice.plane, scratch);
         let references = triangles[0].len() + triangles[1].len();
         if references > n && references as f64 > node.references {
             stats.limited_leaves += 1;
             return None;
         }
+        built.work.moved += references as u64;
         stats.count_win(&choice.plane);
         stats.bad_refines += u64::from(choice.bad_refine);
         let children = self.children(node, cell, &choice, triangles, (stats, scratch));
@@ -380,11 +412,11 @@ impl Builder<'_> {
         node: &Node,
         cell: &Cell,
         scratch: &mut Scratch,
-    ) -> (Contest<SplitPlane>, u64) {
+    ) -> (Contest<SplitPlane>, u64, Work) {
         let (spec, params) = (self.choice.spec, self.params);
         let n = node.triangles.len();
         let mut contest = Contest::new();
-        let mut candidates = 0;
+        let (mut candidates, mut work) = (0, Work::default());
         let Scratch {
             corners,
             directions,
@@ -433,8 +465,9 @@ impl Builder<'_> {
                 .clone()
                 .filter(|(_, (_, origin))| (*origin == Origin::Axis) == are_axes);
             if n < SHARED_FROM {
-                let (found, count) = self.sweep(&swept, group, bar, sweeps);
+                let (found, count, done) = self.sweep(&swept, group, bar, sweeps);
                 candidates += count;
+                work += done;
                 found
                     .into_iter()
                     .for_each(|(plane, best)| contest.enter(plane, are_axes, best));
@@ -445,12 +478,14 @@ impl Builder<'_> {
             let all_found: Vec<_> = group
                 .into_par_iter()
                 .map(|direction| {
+                    let _part = self.watched.part(BuildPart::Sweep, n);
                     let scratch = &mut SweepScratch::default();
                     self.sweep(&swept, std::iter::once(direction), bar, scratch)
                 })
                 .collect();
-            for (found, count) in all_found {
+            for (found, count, done) in all_found {
                 candidates += count;
+                work += done;
                 found
                     .into_iter()
                     .for_each(|(plane, best)| contest.enter(plane, are_axes, best));
@@ -486,11 +521,11 @@ impl Builder<'_> {
                 contest.enter(plane, false, best);
             }
         }
-        (contest, candidates)
+        (contest, candidates, work)
     }
 
     /// The best plane across some of a node's directions, if it has fewer expected tests than `bar`;
-    /// and how many planes were candidates.
+    /// how many planes were candidates, and what was done.
     fn sweep(
         &self,
         swept: &Swept,
@@ -501,7 +536,7 @@ impl Builder<'_> {
             events,
             search,
         }: &mut SweepScratch,
-    ) -> (Option<(SplitPlane, Best)>, u64) {
+    ) -> (Option<(SplitPlane, Best)>, u64, Work) {
         let Swept {
             node,
             cell,
@@ -511,8 +546,10 @@ impl Builder<'_> {
         } = *swept;
         let area = shape.map_or(node.area, |shape| shape.area);
         let mut search = Search::new(area, shape, (bar, self.params.empty_bonus), search);
-        let mut candidates = 0;
+        let (mut candidates, mut work) = (0, Work::default());
         for (i, (normal, origin)) in directions.clone() {
+            work.sweeps += 1;
+            work.events += 2 * node.triangles.len() as u64;
             let axis = AXES.iter().position(|&axis| axis == normal);
             match (cell, axis) {
                 (Cell::Box(aabb), Some(axis)) => search.turn_in_box(aabb, axis),
@@ -530,7 +567,9 @@ impl Builder<'_> {
             };
             search.probe();
         }
-        let found = search.finish(self.tolerance).and_then(|(found, best)| {
+        let (found, areas) = search.finish(self.tolerance);
+        work.areas = areas;
+        let found = found.and_then(|(found, best)| {
             let (_, (normal, origin)) = directions.clone().nth(found)?;
             let plane = SplitPlane {
                 normal,
@@ -539,7 +578,7 @@ impl Builder<'_> {
             };
             Some((plane, best))
         });
-        (found, candidates)
+        (found, candidates, work)
     }
 
     /// The extent of a triangle along a direction, which may be an axis.
@@ -555,6 +594,7 @@ impl Builder<'_> {
 
     /// The sorted lists of a node, from nothing.
     fn sorted(&self, triangles: &[u32]) -> Box<SortedLists> {
+        let _part = self.watched.part(BuildPart::Sort, triangles.len());
         let listed = self.everywhere.len().min(MAX_LISTED);
         let axes = self.everywhere.iter().map(|&(normal, _)| {
             let axis = AXES.iter().position(|&axis| axis == normal);
@@ -653,5 +693,94 @@ impl Builder<'_> {
             child(below, lists_below, cell_below, wanted[0], areas.0, shares.0),
             child(above, lists_above, cell_above, wanted[1], areas.1, shares.1),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fmt::Write;
+
+    use super::*;
+    use crate::TREES;
+
+    /// A wavy sheet of 2 · side² triangles.
+    fn sheet(side: usize) -> Mesh {
+        let at = |i: usize, j: usize| {
+            let (x, y) = (i as f32, j as f32);
+            [x, y, 0.01 * ((7 * i + 3 * j) % 11) as f32 * (x - y)]
+        };
+        let positions = (0..=side)
+            .flat_map(|i| (0..=side).map(move |j| at(i, j)))
+            .collect();
+        let corner = |i: usize, j: usize| (i * (side + 1) + j) as u32;
+        let triangles = (0..side)
+            .flat_map(|i| (0..side).map(move |j| (i, j)))
+            .flat_map(|(i, j)| {
+                let [a, b] = [corner(i, j), corner(i + 1, j)];
+                let [c, d] = [corner(i, j + 1), corner(i + 1, j + 1)];
+                [[a, b, c], [b, d, c]]
+            })
+            .collect();
+        Mesh::new(positions, triangles).unwrap()
+    }
+
+    fn work_of(mesh: &Mesh, choice: TreeChoice, params: &BuildParams, threads: usize) -> Built {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        let pool = pool.build().unwrap();
+        pool.install(|| grow(mesh, choice, params, &()).unwrap())
+    }
+
+    /// The gate against builds that do more than they did: exact numbers, where a time or a count of
+    /// instructions would depend on the machine. Where more is meant,
+    /// `INSTA_UPDATE=always cargo test -p splitplane --lib build::` writes the new numbers.
+    #[test]
+    fn no_tree_takes_more_work_than_it_did() {
+        let mesh = sheet(24);
+        let mut table = String::new();
+        for spec in TREES.iter().filter(|spec| !spec.objects && !spec.frames) {
+            let choice = TreeChoice::new(spec.name, None).unwrap();
+            for ties in [Ties::AsPublished, Ties::Tolerant] {
+                let params = BuildParams {
+                    ties,
+                    ..BuildParams::THESIS
+                };
+                let built = work_of(&mesh, choice, &params, 1);
+                let Work {
+                    sweeps,
+                    events,
+                    areas,
+                    moved,
+                } = built.work;
+                writeln!(
+                    table,
+                    "{choice} {ties:?}: {} candidates, {sweeps} sweeps, {events} events, {areas} areas, {moved} moved",
+                    built.stats.candidates
+                )
+                .unwrap();
+            }
+        }
+        insta::assert_snapshot!(table);
+    }
+
+    /// Large enough that directions are shared among threads.
+    #[test]
+    fn threads_change_neither_a_tree_nor_the_work() {
+        let mesh = sheet(96);
+        assert!(mesh.triangles().len() >= SHARED_FROM);
+        for name in ["kd", "wn+kd:5", "rbsp-kd:9"] {
+            let choice: TreeChoice = name.parse().unwrap();
+            let [one, two] = [1, 2].map(|threads| {
+                let params = BuildParams {
+                    max_depth: super::super::params::DepthLimit::Fixed(12),
+                    ..BuildParams::default()
+                };
+                work_of(&mesh, choice, &params, threads)
+            });
+            assert_eq!(one.work, two.work, "{name}");
+            assert!(
+                one.nodes == two.nodes && one.references == two.references,
+                "{name}"
+            );
+        }
     }
 }

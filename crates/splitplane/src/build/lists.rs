@@ -104,7 +104,9 @@ impl SortedLists {
             [false, false] => [None, None],
             [true, false] => [Some(Box::new(self.pick(sides, 1))), None],
             [false, true] => [None, Some(Box::new(self.pick(sides, 2)))],
-            [true, true] if self.events.len() >= SHARED_FROM && rayon::current_num_threads() > 1 => {
+            [true, true]
+                if self.events.len() >= SHARED_FROM && rayon::current_num_threads() > 1 =>
+            {
                 let (below, above) = rayon::join(|| self.pick(sides, 1), || self.pick(sides, 2));
                 [below, above].map(|lists| Some(Box::new(lists)))
             }

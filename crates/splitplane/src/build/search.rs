@@ -162,6 +162,8 @@ pub(crate) struct Search<'a> {
     are_sorted: bool,
     /// The most promising survivor, where that is known.
     promising: Option<usize>,
+    /// How many planes' areas were computed.
+    areas: u64,
     profile: &'a mut Profile,
 }
 
@@ -186,6 +188,7 @@ impl<'a> Search<'a> {
             survivors: &mut scratch.survivors,
             are_sorted: false,
             promising: None,
+            areas: 0,
             profile: &mut scratch.profile,
         }
     }
@@ -334,8 +337,8 @@ impl<'a> Search<'a> {
     }
 
     /// The best plane of all that were considered, if it matters, with the number of its
-    /// direction.
-    pub(crate) fn finish(mut self, tolerance: Option<f32>) -> Option<(usize, Best)> {
+    /// direction; and how many planes' areas were computed for that.
+    pub(crate) fn finish(mut self, tolerance: Option<f32>) -> (Option<(usize, Best)>, u64) {
         if self.survivors.len() > MANY {
             self.survivors
                 .sort_unstable_by(|a, b| b.bound.total_cmp(&a.bound));
@@ -343,7 +346,7 @@ impl<'a> Search<'a> {
         }
         while self.measure_next() {}
         let expected_tests = self.bar;
-        self.best.map(|(plane, areas)| {
+        let found = self.best.map(|(plane, areas)| {
             let best = Best {
                 boundary: Boundary {
                     offset: plane.t,
@@ -353,7 +356,8 @@ impl<'a> Search<'a> {
                 areas,
             };
             (plane.direction as usize, best)
-        })
+        });
+        (found, self.areas)
     }
 
     /// Measures the survivor of the least bound (of about the least, where they were sorted before
@@ -382,6 +386,7 @@ impl<'a> Search<'a> {
                 .aim
                 .areas(shape.polytope, shape.area, f64::from(plane.t));
             sight.measured.push((plane.t, areas));
+            self.areas += 1;
             self.enter(plane, areas);
             self.tighten(&plane, areas);
         }
@@ -421,6 +426,7 @@ impl<'a> Search<'a> {
         for Survivor { plane, bound } in own {
             if bound < self.bar {
                 let areas = self.profile.areas(f64::from(plane.t));
+                self.areas += 1;
                 self.enter(plane, areas);
             }
         }
@@ -487,7 +493,7 @@ pub(super) fn touching(tolerance: Option<f32>, rule: u8) -> Touching {
 mod tests {
     use super::*;
     use crate::build::extents::Extents;
-    use crate::build::sweep::{Events, search_extents};
+    use crate::build::sweep::{Events, search_extents, sweep};
     use crate::geometry::polytope::CutScratch;
     use proptest::prelude::*;
 
@@ -532,7 +538,7 @@ mod tests {
         fn bounds_leave_out_only_what_cannot_win(
             planes in prop::collection::vec((direction(), 0.2..1.0f64), 0..6),
             directions in prop::collection::vec(direction(), 1..4),
-            extents in prop::collection::vec((-3.0f32..3.0, 0.0f32..2.0), 2..80),
+            extents in prop::collection::vec((-3.0f32..3.0, prop_oneof![0.0f32..2.0, 0.0f32..0.1]), 2..120),
             (tolerant, bonus, bar) in (any::<bool>(), 0..2, prop_oneof![Just(f64::INFINITY), 0.3..1.0f64]),
         ) {
             let cell = cell(&planes);
@@ -541,8 +547,11 @@ mod tests {
             let tolerance = tolerant.then_some(1e-5f32);
             let empty_bonus = 0.5 * f64::from(bonus);
             let bar = bar * extents.len() as f64;
-            let mut scratch = SearchScratch::default();
-            let mut search = Search::new(shape.area, Some(shape), (bar, empty_bonus), &mut scratch);
+            let mut scratch = [SearchScratch::default(), SearchScratch::default()];
+            // Once with bins and comparisons, once with all events sorted and swept.
+            let [mut search, mut full] = scratch
+                .each_mut()
+                .map(|scratch| Search::new(shape.area, Some(shape), (bar, empty_bonus), scratch));
             let (mut least, mut inside, mut found_inside) = (bar, 0, 0);
             for direction in directions.iter().filter_map(|&d| unit(d)) {
                 let (mins, maxs) = extents.iter().map(|&(min, length)| (min, min + length)).unzip();
@@ -551,6 +560,16 @@ mod tests {
                 let mut events = Events::default();
                 found_inside += search_extents(&mut all, tolerance, &mut events, &mut search);
                 search.probe();
+                full.turn(direction, true);
+                let swept = sweep(&events.sort(&all, tolerance), tolerance, &mut full);
+                full.probe();
+                prop_assert_eq!(swept, extents.iter().map(|&(min, length)| {
+                    let extent = (min, min + length);
+                    let is_flat = tolerance.is_some_and(|e| crate::build::ties::is_flat(extent, e));
+                    let (low, high) = full.inside();
+                    [extent.0, extent.1].iter().skip(usize::from(is_flat))
+                        .filter(|&&t| low < f64::from(t) && f64::from(t) < high).count() as u64
+                }).sum::<u64>());
                 // Each plane, measured.
                 let mut aim = Aim::default();
                 aim.at(&cell, direction);
@@ -581,8 +600,20 @@ mod tests {
                     }
                 }
             }
-            let best = search.finish(tolerance);
+            let ((best, _), (fully, _)) = (search.finish(tolerance), full.finish(tolerance));
             prop_assert_eq!(found_inside, inside);
+            match (best, fully) {
+                (Some((i, a)), Some((j, b))) if a.expected_tests == b.expected_tests => {
+                    prop_assert_eq!((i, a), (j, b));
+                }
+                // The areas of one plane, computed in two ways, are rounded differently.
+                (Some((_, a)), Some((_, b))) => {
+                    let difference = (a.expected_tests - b.expected_tests).abs();
+                    prop_assert!(difference <= 1e-9 * b.expected_tests);
+                }
+                (None, None) => {}
+                (a, b) => prop_assert!(false, "{a:?} {b:?}"),
+            }
             let found = best.map_or(bar, |(_, best)| best.expected_tests);
             prop_assert!(found == least || (found - least).abs() <= 1e-6 * least, "{found} {least}");
         }

@@ -117,11 +117,7 @@ impl Bins {
     /// From the first to the last bin that a plane may matter in, by bounds; `None` if there is
     /// none. In a bin, at least those triangles are below that end of before it starts, and those
     /// above that begin after it ends.
-    fn that_matter(
-        extents: &Extents,
-        tolerance: Option<f32>,
-        search: &mut Search,
-    ) -> Option<Bins> {
+    fn that_matter(extents: &Extents, tolerance: Option<f32>, search: &mut Search) -> Option<Bins> {
         let (low, high) = search.inside();
         if low.partial_cmp(&high) != Some(std::cmp::Ordering::Less) {
             return None;
@@ -168,7 +164,8 @@ impl Bins {
 }
 
 impl Events {
-    fn sort(&mut self, extents: &Extents, tolerance: Option<f32>) -> Lists<'_, f32> {
+    #[cfg(test)]
+    pub(super) fn sort(&mut self, extents: &Extents, tolerance: Option<f32>) -> Lists<'_, f32> {
         let Events(lists) = self;
         lists.iter_mut().for_each(Vec::clear);
         let [starts, ends, flat_starts, flat_ends] = lists;
@@ -196,8 +193,8 @@ impl Events {
         Lists::all(lists.each_ref().map(Vec::as_slice))
     }
 
-    /// As [`Events::sort`], with the planes in those bins as the only candidates: what is not near
-    /// them is counted, not sorted.
+    /// Sorts what is near the planes in those bins, which are the only candidates; the rest is only
+    /// counted.
     ///
     /// A triangle passes a plane where it starts or ends, the tolerance added or taken away. What
     /// does so in an earlier bin than the plane's has passed it, and what does so in a later one has
@@ -491,7 +488,7 @@ mod tests {
                     0 => sweep(&events.sort(&all, tolerance), tolerance, &mut search),
                     _ => search_extents(&mut all, tolerance, &mut events, &mut search),
                 };
-                found.push((search.finish(tolerance).map(|(_, best)| best), candidates));
+                found.push((search.finish(tolerance).0.map(|(_, best)| best), candidates));
             }
             if let [swept, compared] = found[..] {
                 prop_assert_eq!(swept, compared);
