@@ -51,3 +51,12 @@ soak rays="1e8" times="300":
 # Advisories and licences of the dependencies; needs cargo-deny.
 deny:
     cargo deny check
+
+# Licence texts of all that is linked in, for the wheel and the pages; needs cargo-about.
+licences:
+    cargo about generate --workspace --offline --fail about.hbs --output-file docs/licences.md
+
+# What a batch costs from Python beside the same batch in Rust; `env` has the package installed.
+overhead *arguments:
+    cargo build --release -p splitplane --example batch
+    python crates/splitplane-py/benches/overhead.py {{arguments}}

@@ -7,6 +7,7 @@ use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
 use splitplane::{Axis, Layout, ObliquePricing, ParseTreeError, Ties, Traversal, TreeChoice};
 use splitplane_lab::{Preset, Resolution, Settings, crop_named, ties_named, traversal_named};
 use splitplane_render::render::RenderSettings;
+use splitplane_render::scene::Instancing;
 
 /// Ray queries on triangle meshes with BSP trees whose split planes come from triangle normals:
 /// render a scene, build a tree, compare trees.
@@ -62,6 +63,8 @@ goes on.")]
 pub struct RenderCommand {
     #[command(flatten)]
     pub scene: SceneArgs,
+    #[command(flatten)]
+    pub instances: InstanceArgs,
     /// The tree that answers the rays, e.g. kd or wn+kd:6, or a saved one, tree.spt [default: the
     /// one that the scene names, or else the first of `splitplane trees`]
     #[arg(long)]
@@ -160,6 +163,8 @@ pub struct BuildCommand {
 pub struct CompareCommand {
     #[command(flatten)]
     pub scene: SceneArgs,
+    #[command(flatten)]
+    pub instances: InstanceArgs,
     /// The trees, separated by commas; the first is the measure of the others
     #[arg(
         long,
@@ -589,6 +594,24 @@ pub struct LoadArgs {
     pub subdivide: Option<u32>,
     #[command(flatten)]
     pub search: SearchArgs,
+}
+
+/// What becomes of copies of objects.
+#[derive(Debug, Args)]
+pub struct InstanceArgs {
+    /// Copy the instances of objects into one mesh with one tree; else each object has a tree of
+    /// its own, which its instances share
+    #[arg(long)]
+    pub flatten: bool,
+}
+
+impl InstanceArgs {
+    pub fn how(&self) -> Instancing {
+        match self.flatten {
+            true => Instancing::Flattened,
+            false => Instancing::Kept,
+        }
+    }
 }
 
 /// Where scenes are looked for.

@@ -16,8 +16,8 @@ pub enum Failure {
     Input(Report),
     /// Results differ that must not.
     Difference(Report),
-    /// The result of a cell cannot be written.
-    NotWritten(Report),
+    /// A cell lacks what it takes to run it, through no fault of its own.
+    NotAble(Report),
     /// It was interrupted.
     Interrupted,
     /// Nobody reads our output any more.

@@ -13,7 +13,7 @@ mod scene;
 use std::process::ExitCode;
 
 use clap::Parser;
-use splitplane_lab::experiment::NOT_WRITTEN;
+use splitplane_lab::experiment::NOT_ABLE;
 use splitplane_lab::numbers;
 
 use args::{Cli, Command};
@@ -23,7 +23,7 @@ fn main() -> ExitCode {
     // Ends the process at once: files are moved to their place when they are whole, so nothing
     // half done stays.
     let handled = ctrlc::set_handler(|| {
-        progress::clear();
+        progress::interrupted();
         std::process::exit(130);
     });
     if let Err(error) = handled {
@@ -60,10 +60,13 @@ fn main() -> ExitCode {
             print::error(report);
             ExitCode::from(2)
         }
-        Err(Failure::NotWritten(report)) => {
+        Err(Failure::NotAble(report)) => {
             print::error(report);
-            ExitCode::from(NOT_WRITTEN)
+            ExitCode::from(NOT_ABLE)
         }
-        Err(Failure::Interrupted) => ExitCode::from(130),
+        Err(Failure::Interrupted) => {
+            progress::interrupted();
+            ExitCode::from(130)
+        }
     }
 }

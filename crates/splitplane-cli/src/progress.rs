@@ -1,7 +1,7 @@
 //! The progress bar: on standard error, on a terminal only.
 
 use std::io::IsTerminal;
-use std::sync::{Mutex, OnceLock};
+use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
 use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -9,19 +9,36 @@ use splitplane_lab::experiment::{Cell, CellResult, Events, Remaining};
 use splitplane_lab::{Step, Task, Watch};
 use splitplane_render::render::Progress;
 
+use crate::print;
+
 /// The bar on the screen, if any: what else is printed must not run into it.
 static SHOWN: Mutex<Option<ProgressBar>> = Mutex::new(None);
 
 fn shown() -> std::sync::MutexGuard<'static, Option<ProgressBar>> {
-    SHOWN
-        .lock()
-        .unwrap_or_else(std::sync::PoisonError::into_inner)
+    SHOWN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Takes the bar off the screen.
 pub fn clear() {
     if let Some(bar) = shown().take() {
         bar.finish_and_clear();
+    }
+}
+
+/// What somebody should know who interrupts us now.
+static ADVICE: Mutex<Option<String>> = Mutex::new(None);
+
+/// Sets what is said on an interruption.
+pub fn advise(text: String) {
+    *ADVICE.lock().unwrap_or_else(PoisonError::into_inner) = Some(text);
+}
+
+/// Takes the bar off the screen and says what there is to say, once.
+pub fn interrupted() {
+    clear();
+    let advice = ADVICE.lock().unwrap_or_else(PoisonError::into_inner).take();
+    if let Some(text) = advice {
+        print::note(&format!("interrupted; {text}"));
     }
 }
 
@@ -135,10 +152,7 @@ impl splitplane::Progress for Bar {
 
 impl Watch for Bar {
     fn step(&self, step: Step) {
-        let mut done = self
-            .done
-            .lock()
-            .unwrap_or_else(std::sync::PoisonError::into_inner);
+        let mut done = self.done.lock().unwrap_or_else(PoisonError::into_inner);
         *done += 1;
         let task = match step.task {
             Task::Build => "building the tree",

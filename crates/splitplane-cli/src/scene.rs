@@ -4,9 +4,9 @@ use std::path::Path;
 
 use miette::{LabeledSpan, NamedSource, Report};
 use splitplane::{Mesh, Progress};
-use splitplane_lab::{Built, Settings, build, load_tree};
+use splitplane_lab::{Built, Settings, build, build_scene, load_tree};
 use splitplane_render::SceneError;
-use splitplane_render::scene::{LoadOptions, Scene, load as load_scene};
+use splitplane_render::scene::{Instancing, LoadOptions, Scene, load as load_scene};
 
 use crate::args::{BuildArgs, LoadArgs, SceneArgs, TreeSource};
 use crate::failure::Failure;
@@ -14,16 +14,26 @@ use crate::print;
 use crate::progress::Bar;
 
 /// Reads a scene, and tells what it says of itself.
-pub fn load(args: &SceneArgs, quiet: bool) -> Result<Scene, Failure> {
-    load_named(&args.scene, &args.load, quiet)
+pub fn load(args: &SceneArgs, instances: Instancing, quiet: bool) -> Result<Scene, Failure> {
+    load_with(&args.scene, &args.load, instances, quiet)
 }
 
-/// Reads the scene of that name or file.
+/// Reads the scene of that name or file, flattened.
 pub fn load_named(name: &str, args: &LoadArgs, quiet: bool) -> Result<Scene, Failure> {
+    load_with(name, args, Instancing::Flattened, quiet)
+}
+
+fn load_with(
+    name: &str,
+    args: &LoadArgs,
+    instances: Instancing,
+    quiet: bool,
+) -> Result<Scene, Failure> {
     let options = LoadOptions {
         defines: args.definitions.iter().cloned().collect(),
         search: args.search.scenes.clone(),
         subdivision_levels: args.subdivide,
+        instances,
     };
     let scene = load_scene(name, &options).map_err(|error| Failure::Input(report(&error)))?;
     if !quiet {
@@ -37,6 +47,23 @@ pub fn load_named(name: &str, args: &LoadArgs, quiet: bool) -> Result<Scene, Fai
         }
     }
     Ok(scene)
+}
+
+/// Builds the trees of a scene, or loads that of its mesh, as [`tree`].
+pub fn trees(
+    source: &TreeSource,
+    scene: &Scene,
+    args: &BuildArgs,
+    settings: &mut Settings,
+    bar: &Bar,
+) -> Result<Built, Failure> {
+    match source {
+        TreeSource::Built(choice) if !scene.instances.is_empty() => {
+            bar.spin(format!("{choice}: building the trees"));
+            Ok(build_scene(scene, *choice, settings, bar)?)
+        }
+        _ => tree(source, &scene.mesh, args, settings, bar),
+    }
 }
 
 /// Builds the tree over a mesh, or loads it; then the settings are those that it was built with.

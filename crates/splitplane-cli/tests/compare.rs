@@ -2,6 +2,7 @@
 
 mod common;
 
+use std::fs;
 use std::path::Path;
 
 use common::{COUNTS, folder, hills_scene, outcome, splitplane};
@@ -308,4 +309,61 @@ fn a_record_says_in_which_layout_it_was_timed_and_counted() {
     ]));
     assert_eq!(code, 2);
     assert!(err.contains("binary and wide"), "{err}");
+}
+
+#[test]
+fn instances_are_kept_unless_they_are_to_be_flattened() {
+    let folder = folder();
+    let scene = "Film \"image\" \"integer xresolution\" 24 \"integer yresolution\" 16\n\
+        LookAt 0 1 -9  0 0 0  0 1 0\nCamera \"perspective\" \"float fov\" 40\n\
+        Sampler \"halton\" \"integer pixelsamples\" 2\nWorldBegin\n\
+        LightSource \"infinite\" \"rgb L\" [.3 .4 .5]\n\
+        ObjectBegin \"ball\"\nShape \"sphere\"\nObjectEnd\n\
+        AttributeBegin\nTranslate -2 0 0\nScale 1 -.6 1\nObjectInstance \"ball\"\nAttributeEnd\n\
+        AttributeBegin\nTranslate 2 0 1\nObjectInstance \"ball\"\nAttributeEnd\nWorldEnd\n";
+    fs::write(folder.path().join("balls.pbrt"), scene).unwrap();
+    let compare = |more: &[&str]| {
+        let trees = [
+            "compare",
+            "balls.pbrt",
+            "--trees",
+            "kd,wn+kd:6,framed",
+            "--out",
+            "o",
+        ];
+        let (code, _, err) = outcome(splitplane(&folder).args(trees).args(more));
+        assert_eq!(code, 0, "all pictures are the same: {err}");
+        let text = fs::read_to_string(folder.path().join("o/balls.json")).unwrap();
+        let records: serde_json::Value = serde_json::from_str(&text).unwrap();
+        (records[0].clone(), err)
+    };
+    let (kept, note) = compare(&[]);
+    assert!(note.contains("2 object instances kept"), "{note}");
+    let (flat, note) = compare(&["--flatten"]);
+    assert!(note.contains("2 object instances copied"), "{note}");
+    assert_eq!(
+        (&kept["instances_kept"], &flat["instances_kept"]),
+        (&true.into(), &false.into())
+    );
+    for field in ["triangles", "instances", "unique_triangles"] {
+        assert_eq!(kept[field], flat[field], "{field}");
+    }
+    let of = |record: &serde_json::Value, field: &str| record[field].as_u64().unwrap();
+    assert_eq!(of(&kept, "triangles"), 2 * of(&kept, "unique_triangles"));
+    // The object's tree is there once.
+    assert!(3 * of(&kept, "tree_bytes") < 2 * of(&flat, "tree_bytes"));
+    assert!(kept["triangle_tests"]["camera"].as_u64().unwrap() > 0);
+    let grid = "title = \"Balls\"\ntrees = [\"kd\"]\nscenes = [\"balls.pbrt\", \
+                { name = \"balls.pbrt\", label = \"flat\", flatten = true }]\n";
+    fs::write(folder.path().join("balls.toml"), grid).unwrap();
+    let run = ["experiment", "balls.toml", "--out", "e"];
+    let (code, out, err) = outcome(splitplane(&folder).args(run));
+    assert_eq!(code, 0, "{err}");
+    assert!(out.contains("2 of 2 runs done"), "{out}");
+    let csv = fs::read_to_string(folder.path().join("e/results.csv")).unwrap();
+    assert!(
+        csv.contains("instances_kept"),
+        "{}",
+        csv.lines().next().unwrap()
+    );
 }

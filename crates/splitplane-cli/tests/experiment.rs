@@ -407,8 +407,10 @@ fn a_result_of_another_scene_or_a_damaged_one_is_told_of() {
     let moved = text.replace("LookAt 0 0 0", "LookAt 0 0 -1");
     fs::write(folder.path().join("hills.pbrt"), moved).unwrap();
     let (code, _, err) = outcome(splitplane(&folder).args(["run-cell", "e", "0"]));
-    assert_eq!(code, 0);
+    assert_eq!(code, 2);
     assert!(err.contains("not the one that was planned"), "{err}");
+    let cells = || times(folder.path().join("e/cells")).len();
+    assert_eq!(cells(), 0, "it is not the cell that failed");
     let plan = json(&folder.path().join("e/plan.json"));
     let id = plan["cells"][1]["id"].as_str().unwrap();
     fs::write(folder.path().join(format!("e/cells/{id}.json")), "{").unwrap();
@@ -417,7 +419,73 @@ fn a_result_of_another_scene_or_a_damaged_one_is_told_of() {
     assert!(err.contains(id) && err.contains("damaged"), "{err}");
     let (code, _, err) = outcome(splitplane(&folder).args(["run-cell", "e", "99"]));
     assert_eq!(code, 2);
-    assert!(err.contains("no cell 99"), "{err}");
+    assert!(
+        err.contains("no cell 99") && err.contains("0 to 3"),
+        "{err}"
+    );
+    let (code, _, err) = outcome(splitplane(&folder).args(["merge", "nowhere"]));
+    assert_eq!(code, 2);
+    assert!(err.contains("nowhere holds no experiment"), "{err}");
+}
+
+#[test]
+fn cells_are_run_from_any_folder() {
+    let folder = folder();
+    hills_scene(folder.path(), "");
+    let scenes = folder.path().join("scenes/knolls");
+    fs::create_dir_all(&scenes).unwrap();
+    fs::copy(folder.path().join("hills.pbrt"), scenes.join("knolls.pbrt")).unwrap();
+    let text = "title = \"Far\"\nscenes = [\"hills.pbrt\", \"knolls\"]\ntrees = [\"kd\"]\n";
+    fs::write(folder.path().join("far.toml"), text).unwrap();
+    let plan = ["plan", "far.toml", "--out", "e", "--scenes", "scenes"];
+    let (code, _, err) = outcome(splitplane(&folder).args(plan));
+    assert_eq!(code, 0, "{err}");
+    let inside = folder.path().join("e");
+    for cell in ["0", "1"] {
+        let run = ["run-cell", ".", cell];
+        let (code, _, err) = outcome(splitplane(&folder).current_dir(&inside).args(run));
+        assert_eq!(code, 0, "{err}");
+    }
+    let (_, out, _) = outcome(splitplane(&folder).args(["merge", "e"]));
+    assert!(out.contains("2 of 2 runs done"), "{out}");
+    // A scene that is gone is no fault of the cell: there is no result, and it can be run later.
+    let gone = ["plan", "far.toml", "--out", "gone", "--scenes", "scenes"];
+    assert_eq!(outcome(splitplane(&folder).args(gone)).0, 0);
+    fs::remove_file(folder.path().join("hills.pbrt")).unwrap();
+    let (code, _, err) = outcome(splitplane(&folder).args(["run-cell", "gone", "0"]));
+    assert_eq!(code, 2);
+    assert!(err.contains("hills.pbrt"), "{err}");
+    assert!(times(folder.path().join("gone/cells")).is_empty());
+}
+
+#[test]
+fn an_experiment_that_cannot_be_read_or_kept_leaves_nothing_behind() {
+    let folder = folder();
+    let file = experiment(&folder, "", "spp = \"one\"");
+    let (code, _, err) = outcome(splitplane(&folder).args(["experiment", file, "--out", "e"]));
+    assert_eq!(code, 2);
+    assert!(
+        err.contains("spp") && err.contains("a whole number"),
+        "{err}"
+    );
+    assert!(!folder.path().join("e").exists());
+    let file = experiment(&folder, "", "spp = 1");
+    fs::write(folder.path().join("e"), "a file").unwrap();
+    let (code, _, err) = outcome(splitplane(&folder).args(["experiment", file, "--out", "e"]));
+    assert_eq!(code, 2);
+    assert!(err.contains("cannot be written"), "{err}");
+    let text = fs::read_to_string(folder.path().join(file)).unwrap();
+    let twice = text.replace(
+        "[\"hills.pbrt\"]",
+        "[\"hills.pbrt\", { name = \"hills.pbrt\", spp = 2 }]",
+    );
+    fs::write(folder.path().join(file), twice).unwrap();
+    let (code, _, err) = outcome(splitplane(&folder).args(["plan", file, "--out", "p"]));
+    assert_eq!(code, 2);
+    assert!(
+        err.contains("hills.toml:2:25") && err.contains("another label"),
+        "{err}"
+    );
 }
 
 #[test]

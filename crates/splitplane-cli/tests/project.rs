@@ -5,6 +5,7 @@ mod common;
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::process::Command;
 
 use common::{folder, outcome, splitplane};
 
@@ -171,4 +172,45 @@ fn every_rust_snippet_of_the_pages_is_part_of_an_example() {
         }
     }
     assert!(checked >= 8);
+}
+
+/// The page goes into the wheel.
+#[test]
+fn the_licences_of_all_that_is_linked_in_are_on_their_page() {
+    let list = Command::new(env!("CARGO"))
+        .args([
+            "tree",
+            "--locked",
+            "-p",
+            "splitplane-cli",
+            "-p",
+            "splitplane-py",
+        ])
+        .args([
+            "-e",
+            "normal,no-proc-macro",
+            "--prefix",
+            "none",
+            "--format",
+            "{p}",
+        ])
+        .current_dir(root())
+        .output()
+        .unwrap();
+    let list = String::from_utf8(list.stdout).unwrap();
+    let linked: BTreeSet<String> = (list.lines())
+        .filter(|line| !line.contains("(proc-macro)") && !line.starts_with("splitplane"))
+        .filter_map(|line| line.split_once(" v"))
+        .map(|(name, rest)| {
+            let version = rest.split_whitespace().next().unwrap_or_default();
+            format!("{name} {version}")
+        })
+        .collect();
+    assert!(linked.len() > 100, "{list}");
+    let page = page("docs/licences.md");
+    let (table, texts) = page.split_once("\n## ").unwrap();
+    for crate_name in linked {
+        let told = table.contains(&format!("| {crate_name} |")) && texts.contains(&crate_name);
+        assert!(told, "{crate_name}: `just licences` writes the page anew");
+    }
 }

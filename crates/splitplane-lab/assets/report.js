@@ -21,6 +21,8 @@
       tickColor: "currentColor", gridColor: "currentColor", gridOpacity: 0.13, domainOpacity: 0.5,
       tickOpacity: 0.5, titleFontWeight: "normal",
     },
+    // Labels stay under their ticks and keep apart on narrow screens, too.
+    axisX: { labelFlush: false, labelOverlap: "greedy", labelSeparation: 6 },
     legend: { labelColor: "currentColor", titleColor: "currentColor", orient: "bottom", columns: 4, symbolLimit: 40, labelLimit: 130 },
   };
   const options = { renderer: "svg", config, actions: { export: true, source: false, compiled: false, editor: false } };
@@ -31,8 +33,9 @@
     if (!spec.height) spec.height = 230;
     drawn.push(vegaEmbed(place, spec, { ...options, downloadFileName: name }));
   }
+  let views = [];
   Promise.all(drawn).then(
-    () => { root.dataset.plots = String(drawn.length); },
+    (plots) => { views = plots.map((plot) => plot.view); root.dataset.plots = String(drawn.length); },
     (error) => { console.error(error); },
   );
 
@@ -138,8 +141,12 @@
     (error) => { console.error(error); },
   );
 
-  // On paper everything is open.
+  // On paper everything is open, and plots are drawn for half of its width: what was drawn for a
+  // window would be scaled, letters and all.
+  const widen = (width) => { for (const view of views) view.signal("width", width(view.container())).run(); };
   addEventListener("beforeprint", () => {
     for (const details of document.querySelectorAll("main details.cards")) details.open = true;
+    widen(() => 350);
   });
+  addEventListener("afterprint", () => { widen((place) => place.clientWidth); });
 })();

@@ -6,8 +6,9 @@ use splitplane_render::scene::Scene;
 
 use crate::LabError;
 use crate::numbers::{bytes, grouped, measured, percent, seconds};
+use crate::objects::build_scene;
 use crate::record::{CardRecord, PerRay, Record};
-use crate::run::{RenderTime, Settings, build, record, render_timed, render_with};
+use crate::run::{RenderTime, Settings, record, render_timed, render_with};
 use crate::stats::median;
 
 /// What a comparison is about to do.
@@ -126,7 +127,7 @@ pub fn compare(
                 });
             };
             step(Task::Build);
-            let built = build(&scene.mesh, tree, settings, watch)?;
+            let built = build_scene(scene, tree, settings, watch)?;
             step(Task::Time);
             let (timed, others_load) = render_timed(scene, &built, settings, watch)?;
             if let Some(first) = references.first()

@@ -7,6 +7,7 @@ mod compare;
 pub mod experiment;
 mod machine;
 pub mod numbers;
+mod objects;
 mod params;
 mod pictures;
 mod published;
@@ -26,6 +27,7 @@ pub use compare::{
     ComparedTree, Comparison, Difference, Row, Step, Task, Unit, Watch, compare, rows,
 };
 pub use machine::{Machine, OthersLoad, forget_peak_memory, peak_memory_bytes};
+pub use objects::{Objects, build_scene};
 pub use params::{
     ParamsRecord, Preset, UnknownName, ties_name, ties_named, traversal_name, traversal_named,
 };
@@ -82,12 +84,6 @@ pub enum LabError {
     /// An experiment's file says what cannot be.
     #[error(transparent)]
     Experiment(Box<experiment::ExperimentError>),
-    /// Two scenes of an experiment have one label.
-    #[error("two scenes are called \"{label}\"; give one of them another label")]
-    SameLabel {
-        /// The label.
-        label: String,
-    },
     /// Conditions that do not suit a scene, or mean nothing.
     #[error("{scene}: {message}")]
     Conditions {
@@ -117,10 +113,18 @@ pub enum LabError {
         this: String,
     },
     /// Something is not part of a plan.
-    #[error("the plan has no {what}")]
+    #[error("the plan has no {what}; {planned}")]
     NotPlanned {
         /// What.
         what: String,
+        /// What there is.
+        planned: String,
+    },
+    /// A folder without a plan.
+    #[error("{} holds no experiment; `splitplane plan` or `splitplane experiment` makes one", path.display())]
+    NoPlan {
+        /// The folder.
+        path: PathBuf,
     },
     /// A folder is in use.
     #[error("another process runs the experiment in {}", path.display())]

@@ -4,7 +4,7 @@ use std::io::Write;
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
-use splitplane::{Layout, TreeCard, WideCard, Wins};
+use splitplane::{Layout, Mesh, TreeCard, WideCard, Wins};
 use splitplane_render::render::RayKinds;
 
 use crate::machine::Machine;
@@ -25,10 +25,15 @@ pub struct Record {
     /// Triangles among them that no ray can hit (not finite, or without area), and that the tree
     /// leaves out.
     pub triangles_skipped: u64,
-    /// Copies of the scene's objects. They are in the mesh like everything else: the scene is
-    /// flattened, and `triangles` has them all.
+    /// Copies of the scene's objects; `triangles` has the triangles of all of them.
     #[serde(default)]
     pub instances: u64,
+    /// Whether each object has a tree of its own, which all its copies share; else they were copied
+    /// into the scene's mesh. Nodes, references and bytes are sums over these trees, expected costs
+    /// are weighted by how probably a ray meets a copy's box, and visits of the hierarchy over the
+    /// copies count as kd visits.
+    #[serde(default)]
+    pub instances_kept: bool,
     /// Triangles of the scene where those of an object count once.
     #[serde(default)]
     pub unique_triangles: u64,
@@ -346,6 +351,22 @@ pub struct WideRecord {
 }
 
 impl WideRecord {
+    /// Together with another tree's.
+    pub(crate) fn add(&mut self, other: &WideRecord) {
+        self.nodes += other.nodes;
+        self.leaves += other.leaves;
+        self.references += other.references;
+        self.depth = self.depth.max(other.depth);
+        if self.frames.len() < other.frames.len() {
+            self.frames.resize(other.frames.len(), 0);
+        }
+        for (sum, nodes) in self.frames.iter_mut().zip(&other.frames) {
+            *sum += nodes;
+        }
+        self.bytes += other.bytes;
+        self.seconds += other.seconds;
+    }
+
     pub(crate) fn new(card: &WideCard, bytes: u64, seconds: f64) -> WideRecord {
         WideRecord {
             nodes: card.nodes,
@@ -380,7 +401,6 @@ impl CardRecord {
     /// The record of a tree that [`crate::build`] built.
     pub fn new(built: &Built, scene: &str, settings: &Settings) -> CardRecord {
         let (version, commit) = version_and_commit();
-        let mesh = built.tree.mesh();
         let TreeCard {
             choice,
             triangles: _,
@@ -398,13 +418,14 @@ impl CardRecord {
             wide: _,
             build,
         } = built.card.clone();
+        let sum = |count: fn(&Mesh) -> usize| built.meshes().map(|mesh| count(mesh) as u64).sum();
         CardRecord {
             tree: choice.spec.name.to_owned(),
             k: choice.direction_count,
             scene: scene.to_owned(),
-            triangles: mesh.triangles().len() as u64,
-            skipped_not_finite: mesh.skipped().not_finite as u64,
-            skipped_degenerate: mesh.skipped().degenerate as u64,
+            triangles: sum(|mesh| mesh.triangles().len()),
+            skipped_not_finite: sum(|mesh| mesh.skipped().not_finite),
+            skipped_degenerate: sum(|mesh| mesh.skipped().degenerate),
             seed: settings.params.seed,
             threads: built.threads,
             preset: settings.preset.name().to_owned(),

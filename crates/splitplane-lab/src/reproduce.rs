@@ -1,5 +1,7 @@
 //! The thesis's figures again: all its trees on one of its scenes, beside what was published.
 
+use std::sync::Arc;
+
 use splitplane::{BuildParams, TREES, Ties, Traversal, TreeChoice, TreeSpec};
 use splitplane_render::render::Rendered;
 use splitplane_render::scene::Scene;
@@ -85,7 +87,7 @@ pub fn reproduce(
             for traversal in TRAVERSALS {
                 step(Task::Count);
                 settings.traversal = traversal;
-                built.tree = built.tree.with_traversal(traversal);
+                built.tree = Arc::new(Arc::unwrap_or_clone(built.tree).with_traversal(traversal));
                 pictures.push(render_with(scene, &built, &settings, true, watch)?);
                 let picture = &pictures[pictures.len() - 1];
                 let time = RenderTime {

@@ -2,17 +2,19 @@
 
 use serde::{Deserialize, Serialize};
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Instant;
 
 use splitplane::{
     BuildError, BuildParams, Counts, Layout, Mesh, Progress, Traversal, Tree, TreeCard, TreeChoice,
 };
-use splitplane_render::render::{self, LeafSizes, RenderSettings, Rendered, render};
+use splitplane_render::render::{self, LeafSizes, RenderSettings, Rendered, SceneTree, render};
 use splitplane_render::scene::{Scene, settings::Integrator};
 
 use crate::LabError;
 use crate::experiment::digest;
 use crate::machine::{Machine, OthersLoad, peak_memory_bytes};
+use crate::objects::{Objects, build_scene};
 use crate::params::{ParamsRecord, Preset, traversal_name};
 use crate::record::{CardRecord, PerRay, Record, WideRecord, version_and_commit};
 
@@ -81,9 +83,12 @@ impl Settings {
 #[derive(Clone, Debug)]
 pub struct Built {
     /// The tree; in the wide layout only where nothing else was asked for.
-    pub tree: Tree,
+    pub tree: Arc<Tree>,
     /// The same tree in the wide layout, where both layouts were asked for.
-    pub wide: Option<Tree>,
+    pub wide: Option<Arc<Tree>>,
+    /// The trees of the scene's objects, where it has instances. What else is known is then of all
+    /// trees together.
+    pub objects: Option<Box<Objects>>,
     /// What is known of it in the wide layout, where it was brought into that.
     pub wide_card: Option<WideRecord>,
     /// What is known of it.
@@ -99,13 +104,23 @@ pub struct Built {
 }
 
 impl Built {
-    /// The tree in this layout, if the settings that it was built with asked for it; else in the
-    /// one that they did ask for.
-    pub fn in_layout(&self, layout: Layout) -> &Tree {
-        match (layout, &self.wide) {
-            (Layout::Wide, Some(wide)) => wide,
-            _ => &self.tree,
+    /// What rays are cast against in this layout, if the settings that it was built with asked for
+    /// it; else in the one that they did ask for.
+    pub fn in_layout(&self, layout: Layout) -> SceneTree<'_> {
+        match (&self.objects, layout, &self.wide) {
+            (Some(objects), Layout::Wide, Some(_)) => (&objects.wide).into(),
+            (Some(objects), ..) => (&objects.placed).into(),
+            (None, Layout::Wide, Some(wide)) => (&**wide).into(),
+            (None, ..) => (&*self.tree).into(),
         }
+    }
+
+    /// The meshes that the trees are over.
+    pub fn meshes(&self) -> impl Iterator<Item = &Mesh> {
+        let objects = self.objects.iter().flat_map(|objects| &objects.trees);
+        std::iter::once(&self.tree)
+            .chain(objects)
+            .map(|tree| tree.mesh())
     }
 }
 
@@ -175,7 +190,7 @@ pub fn measure(
     timing: Timing,
 ) -> Result<(Run, Rendered), LabError> {
     let start = Instant::now();
-    let built = build(&scene.mesh, tree, settings, &())?;
+    let built = build_scene(scene, tree, settings, &())?;
     let timed = match timing {
         Timing::Alone => Some(render_timed(scene, &built, settings, &())?),
         Timing::WhileCounting => None,
@@ -242,8 +257,9 @@ pub fn build(
     let (card, tree, wide, wide_card) = pool.install(|| arrange(tree, settings))?;
     Ok(Built {
         card,
-        tree,
-        wide,
+        tree: Arc::new(tree),
+        wide: wide.map(Arc::new),
+        objects: None,
         wide_card,
         seconds,
         threads: pool.current_num_threads(),
@@ -323,8 +339,9 @@ pub fn load_tree(path: &Path, mesh: &Mesh, settings: &mut Settings) -> Result<Bu
     let (card, tree, wide, wide_card) = arrange(tree, settings)?;
     Ok(Built {
         card,
-        tree,
-        wide,
+        tree: Arc::new(tree),
+        wide: wide.map(Arc::new),
+        objects: None,
         wide_card,
         seconds,
         threads: 1,
@@ -404,9 +421,13 @@ pub fn record(
         tree: card.choice.spec.name.to_owned(),
         k: card.choice.direction_count,
         scene: scene.name.clone(),
-        triangles: scene.mesh.triangles().len() as u64,
-        triangles_skipped: scene.mesh.skipped().total() as u64,
+        triangles: scene.triangles(),
+        triangles_skipped: scene
+            .meshes()
+            .map(|mesh| mesh.skipped().total() as u64)
+            .sum(),
         instances: scene.contents.instances,
+        instances_kept: !scene.instances.is_empty(),
         unique_triangles: scene.contents.unique_triangles,
         scene_notes: (scene.notes.iter())
             .map(|note| format!("{}: {}", note.place, note.text))

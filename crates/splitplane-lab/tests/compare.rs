@@ -59,6 +59,8 @@ fn hills() -> Scene {
             alpha: None,
             shadow_alpha: None,
         }],
+        objects: vec![],
+        instances: vec![],
         materials: vec![Material::Matte {
             kd: grey(0.7),
             sigma: grey(0.0),

@@ -7,16 +7,18 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, mpsc};
 use std::time::Duration;
 
-use numpy::{Element, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use numpy::{Element, PyArray2, PyArrayDescr, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
+use pyo3::type_object::PyTypeCheck;
+use pyo3::types::PyTuple;
 use rayon::{ThreadPool, ThreadPoolBuilder};
 
 /// Queries between two looks at whether the user wants to stop: some tens of milliseconds.
 const BLOCK: usize = 1 << 18;
 
-/// Queries that a thread takes at a time.
-pub(crate) const CHUNK: usize = 1 << 10;
+/// Queries that a thread takes at a time: their rays and answers stay in the first cache.
+pub(crate) const CHUNK: usize = 1 << 8;
 
 /// The pool of that many threads, 0 being one per core; made once for each number.
 fn pool(threads: usize) -> PyResult<Arc<ThreadPool>> {
@@ -90,21 +92,31 @@ pub(crate) fn interruptible<T: Send>(
     })
 }
 
-/// The numbers of an array of that many columns, row by row.
-pub(crate) fn rows<'a, T: Element>(
+/// The rows of an array of that many columns, where they lie.
+pub(crate) fn rows<'a, T: Element, const N: usize>(
     array: &'a PyReadonlyArray2<'_, T>,
     what: &str,
-    columns: &[usize],
-) -> PyResult<(&'a [T], usize)> {
+) -> PyResult<&'a [[T; N]]> {
     let shape = array.as_array().shape().to_vec();
-    if !columns.contains(&shape[1]) {
+    if shape[1] != N {
         return Err(PyValueError::new_err(format!(
             "{what} has the shape {shape:?}"
         )));
     }
     let numbers = (array.as_slice())
         .map_err(|_| PyValueError::new_err(format!("{what} is not contiguous")))?;
-    Ok((numbers, shape[1]))
+    Ok(numbers.as_chunks().0)
+}
+
+/// A new array whose numbers are any: all of it must be written.
+pub(crate) fn empty<'py, A: PyTypeCheck>(
+    py: Python<'py>,
+    shape: &[usize],
+    number: Bound<'py, PyArrayDescr>,
+) -> PyResult<Bound<'py, A>> {
+    let empty = py.import("numpy")?.getattr("empty")?;
+    let array = empty.call1((PyTuple::new(py, shape)?, number))?;
+    Ok(array.cast_into()?)
 }
 
 /// An array with a row for each of `rows`; their memory becomes the array's.

@@ -7,9 +7,9 @@ use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::exceptions::{PyRuntimeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use splitplane::{TREES, TreeChoice};
+use splitplane::{Mesh, TREES, TreeChoice};
 use splitplane_lab::{Preset, Settings, Watch};
-use splitplane_render::render::{Progress, RenderSettings};
+use splitplane_render::render::{PixelCounts, Progress, RenderSettings};
 use splitplane_render::scene::LoadOptions;
 
 use crate::batch::{array2, interruptible};
@@ -113,7 +113,9 @@ impl Scene {
 
     /// A tree over the scene's mesh.
     fn build(&self, py: Python<'_>, tree: &str, layout: &str, nthreads: usize) -> PyResult<Tree> {
-        Tree::over(py, &self.scene.mesh, vec![0], (tree, layout), nthreads)
+        let mesh = Mesh::join([&self.scene.mesh])
+            .map_err(|error| PyValueError::new_err(error.to_string()))?;
+        Tree::over(py, mesh, (tree, layout), nthreads)
     }
 
     /// A picture, (height, width, 3), and other pictures by name.
@@ -125,14 +127,13 @@ impl Scene {
         stats: bool,
     ) -> PyResult<(Bound<'py, PyArray3<f32>>, Bound<'py, PyDict>)> {
         let settings = settings(picture, stats);
-        let built = &tree.built().tree;
+        let built = &*tree.built().tree;
         let rendered = interruptible(py, |stop| {
             splitplane_render::render::render(&self.scene, built, &settings, &Stop(stop))
         })?
         .map_err(|error| PyValueError::new_err(error.to_string()))?;
         let (height, width) = (rendered.height as usize, rendered.width as usize);
         let others = PyDict::new(py);
-        let plane = |values: Vec<u32>| PyArray1::from_vec(py, values).reshape([height, width]);
         others.set_item("seconds", rendered.seconds)?;
         others.set_item("samples_per_pixel", rendered.samples_per_pixel)?;
         let depth = PyArray1::from_vec(py, rendered.depth).reshape([height, width])?;
@@ -147,14 +148,12 @@ impl Scene {
             others.set_item(kind, rays)?;
         }
         if let Some(pixels) = rendered.pixel_counts {
-            let total = |pick: fn(&splitplane_render::render::PixelCounts) -> u32| {
+            for (name, of) in PixelCounts::NAMED {
                 let both = pixels.closest.iter().zip(&pixels.shadow);
-                plane(both.map(|(a, b)| pick(a).saturating_add(pick(b))).collect())
-            };
-            others.set_item("triangle_tests", total(|c| c.triangle_tests)?)?;
-            others.set_item("kd_visits", total(|c| c.kd_visits)?)?;
-            others.set_item("oblique_visits", total(|c| c.oblique_visits)?)?;
-            others.set_item("leaf_visits", total(|c| c.leaf_visits)?)?;
+                let counts = both.map(|(a, b)| of(a).saturating_add(of(b))).collect();
+                let plane = PyArray1::from_vec(py, counts).reshape([height, width])?;
+                others.set_item(name, plane)?;
+            }
         }
         let radiance = PyArray1::from_vec(py, rendered.radiance.into_flattened());
         Ok((radiance.reshape([height, width, 3])?, others))

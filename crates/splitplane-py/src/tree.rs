@@ -1,15 +1,16 @@
 //! A tree and its batches of queries.
 
 use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
 
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::{PyMemoryError, PyValueError};
 use pyo3::prelude::*;
 use rayon::prelude::*;
-use splitplane::{Counts, Hit, Layout, LoadError, Mesh, Ray, TreeChoice};
-use splitplane_lab::{Built, CardRecord, LabError, Preset, Settings};
+use splitplane::{Counts, Hit, Layout, LoadError, Mesh, MeshError, Parts, Ray, TreeChoice};
+use splitplane_lab::{Built, CardRecord, LabError, Layouts, Preset, Settings};
 
-use crate::batch::{self, CHUNK, array2, in_blocks, interruptible};
+use crate::batch::{self, CHUNK, array2, empty, in_blocks, interruptible};
 use crate::scenes::Stop;
 
 type Array1<'py, T> = Bound<'py, PyArray1<T>>;
@@ -23,8 +24,11 @@ const MISS: u32 = u32::MAX;
 pub(crate) struct Tree {
     built: Built,
     settings: Settings,
-    /// The first triangle of each of the meshes, from 0.
-    starts: Vec<u32>,
+    /// Which triangle is of which mesh.
+    parts: Parts,
+    /// The normals of all triangles, once one is asked for: reading them takes a fraction of the
+    /// time of reading vertices, which lie anywhere.
+    normals: OnceLock<Vec<[f32; 3]>>,
 }
 
 /// An answer: its geometry, its triangle there, and where on it.
@@ -39,8 +43,7 @@ impl Tree {
     /// Builds a tree, which may take a while.
     pub(crate) fn over(
         py: Python<'_>,
-        mesh: &Mesh,
-        starts: Vec<u32>,
+        (mesh, parts): (Mesh, Parts),
         (tree, layout): (&str, &str),
         nthreads: usize,
     ) -> PyResult<Self> {
@@ -49,18 +52,16 @@ impl Tree {
             (tree.parse()).map_err(|error| PyValueError::new_err(format!("{error}")))?;
         let mut settings = Settings::of_preset(Preset::Default);
         settings.render.threads = nthreads;
-        let too_large = |error: &dyn std::fmt::Display| PyMemoryError::new_err(error.to_string());
-        let mut built = interruptible(py, |stop| {
-            splitplane_lab::build(mesh, choice, &settings, &Stop(stop))
+        settings.layouts = Layouts::both(layout);
+        let built = interruptible(py, |stop| {
+            splitplane_lab::build(&mesh, choice, &settings, &Stop(stop))
         })?
-        .map_err(|error| too_large(&error))?;
-        built.tree = interruptible(py, |_| built.tree.with_layout(layout))?
-            .map_err(|error| too_large(&error))?;
-        built.card = built.tree.card();
+        .map_err(|error| PyMemoryError::new_err(error.to_string()))?;
         Ok(Tree {
             built,
             settings,
-            starts,
+            parts,
+            normals: OnceLock::new(),
         })
     }
 
@@ -68,16 +69,23 @@ impl Tree {
         self.built.tree.mesh()
     }
 
+    fn normals(&self) -> &[[f32; 3]] {
+        self.normals.get_or_init(|| {
+            let count = self.mesh().triangles().len() as u32;
+            (0..count).map(|i| self.mesh().normal(i)).collect()
+        })
+    }
+
     /// Which geometry a triangle of the tree belongs to, and its index there.
     #[inline]
     fn own(&self, triangle: u32) -> (u32, u32) {
-        let geometry = self.starts.partition_point(|&start| start <= triangle) - 1;
-        (geometry as u32, triangle - self.starts[geometry])
+        let (geometry, triangle) = self.parts.locate(triangle);
+        (geometry as u32, triangle)
     }
 
     #[inline]
     fn place(&self, triangle: u32, u: f32, v: f32) -> Place {
-        let normal = self.mesh().normal(triangle);
+        let normal = self.normals()[triangle as usize];
         let (geometry, triangle) = self.own(triangle);
         Place {
             geometry,
@@ -95,68 +103,78 @@ impl Tree {
         costs: &mut [C],
     ) -> PyResult<Hits<'py>> {
         let count = rays.len();
-        let mut t = vec![f32::INFINITY; count];
-        let mut geometry = vec![MISS; count];
-        let mut triangle = vec![MISS; count];
-        let mut uv = vec![[0.0; 2]; count];
-        let mut normal = vec![[0.0; 3]; count];
-        in_blocks(py, count, nthreads, |block| {
-            (
-                t[block.clone()].par_chunks_mut(CHUNK),
-                geometry[block.clone()].par_chunks_mut(CHUNK),
-                triangle[block.clone()].par_chunks_mut(CHUNK),
-                uv[block.clone()].par_chunks_mut(CHUNK),
-                normal[block.clone()].par_chunks_mut(CHUNK),
-                costs[block.clone()].par_chunks_mut(CHUNK),
-            )
-                .into_par_iter()
-                .enumerate()
-                .for_each(|(chunk, (t, geometry, triangle, uv, normal, costs))| {
-                    let rays = rays.chunk(block.start + chunk * CHUNK, t.len());
-                    let mut hits = vec![None; t.len()];
-                    C::closest_hits(&self.built.tree, &rays, &mut hits, costs);
-                    for (i, hit) in hits.iter().enumerate() {
-                        if let Some(hit) = hit {
-                            let place = self.place(hit.triangle, hit.u, hit.v);
-                            t[i] = hit.t;
-                            geometry[i] = place.geometry;
-                            triangle[i] = place.triangle;
-                            uv[i] = place.uv;
-                            normal[i] = place.normal;
+        let normals = py.detach(|| self.normals());
+        let t: Array1<'_, f32> = empty(py, &[count], numpy::dtype::<f32>(py))?;
+        let geometry: Array1<'_, u32> = empty(py, &[count], numpy::dtype::<u32>(py))?;
+        let triangle: Array1<'_, u32> = empty(py, &[count], numpy::dtype::<u32>(py))?;
+        let uv: Array2<'_, f32> = empty(py, &[count, 2], numpy::dtype::<f32>(py))?;
+        let normal: Array2<'_, f32> = empty(py, &[count, 3], numpy::dtype::<f32>(py))?;
+        {
+            let mut guards = (t.readwrite(), geometry.readwrite(), triangle.readwrite());
+            let t: &mut [f32] = guards.0.as_slice_mut()?;
+            let geometry: &mut [u32] = guards.1.as_slice_mut()?;
+            let triangle: &mut [u32] = guards.2.as_slice_mut()?;
+            let mut guards = (uv.readwrite(), normal.readwrite());
+            let uv: &mut [[f32; 2]] = guards.0.as_slice_mut()?.as_chunks_mut().0;
+            let normal: &mut [[f32; 3]] = guards.1.as_slice_mut()?.as_chunks_mut().0;
+            in_blocks(py, count, nthreads, |block| {
+                (
+                    t[block.clone()].par_chunks_mut(CHUNK),
+                    geometry[block.clone()].par_chunks_mut(CHUNK),
+                    triangle[block.clone()].par_chunks_mut(CHUNK),
+                    uv[block.clone()].par_chunks_mut(CHUNK),
+                    normal[block.clone()].par_chunks_mut(CHUNK),
+                    costs[block.clone()].par_chunks_mut(CHUNK),
+                    rays.rows[block].par_chunks(CHUNK),
+                )
+                    .into_par_iter()
+                    .for_each_init(Vec::new, |chunk, outputs| {
+                        let (t, geometry, triangle, uv, normal, costs, rows) = outputs;
+                        let mut hits = [None; CHUNK];
+                        let hits = &mut hits[..rows.len()];
+                        C::closest_hits(&self.built.tree, rays.of_rows(rows, chunk), hits, costs);
+                        t.fill(f32::INFINITY);
+                        geometry.fill(MISS);
+                        triangle.fill(MISS);
+                        uv.fill([0.0; 2]);
+                        normal.fill([0.0; 3]);
+                        for (i, hit) in hits.iter().enumerate() {
+                            if let Some(hit) = hit {
+                                t[i] = hit.t;
+                                (geometry[i], triangle[i]) = self.own(hit.triangle);
+                                uv[i] = [hit.u, hit.v];
+                                normal[i] = normals[hit.triangle as usize];
+                            }
                         }
-                    }
-                });
-        })?;
-        Ok((
-            t.into_pyarray(py),
-            geometry.into_pyarray(py),
-            triangle.into_pyarray(py),
-            array2(py, uv)?,
-            array2(py, normal)?,
-        ))
+                    });
+            })?;
+        }
+        Ok((t, geometry, triangle, uv, normal))
     }
 
-    fn any_hits<C: Cost>(
+    fn any_hits<'py, C: Cost>(
         &self,
-        py: Python<'_>,
+        py: Python<'py>,
         rays: &Rays<'_>,
         nthreads: usize,
         costs: &mut [C],
-    ) -> PyResult<Vec<bool>> {
-        let mut found = vec![false; rays.len()];
-        in_blocks(py, rays.len(), nthreads, |block| {
-            let start = block.start;
-            (
-                found[block.clone()].par_chunks_mut(CHUNK),
-                costs[block].par_chunks_mut(CHUNK),
-            )
-                .into_par_iter()
-                .enumerate()
-                .for_each(|(chunk, (found, costs))| {
-                    let rays = rays.chunk(start + chunk * CHUNK, found.len());
-                    C::any_hits(&self.built.tree, &rays, found, costs);
-                });
-        })?;
+    ) -> PyResult<Array1<'py, bool>> {
+        let found: Array1<'_, bool> = empty(py, &[rays.len()], numpy::dtype::<bool>(py))?;
+        {
+            let mut guard = found.readwrite();
+            let found: &mut [bool] = guard.as_slice_mut()?;
+            in_blocks(py, rays.len(), nthreads, |block| {
+                (
+                    found[block.clone()].par_chunks_mut(CHUNK),
+                    costs[block.clone()].par_chunks_mut(CHUNK),
+                    rays.rows[block].par_chunks(CHUNK),
+                )
+                    .into_par_iter()
+                    .for_each_init(Vec::new, |chunk, (found, costs, rows)| {
+                        C::any_hits(&self.built.tree, rays.of_rows(rows, chunk), found, costs);
+                    });
+            })?;
+        }
         Ok(found)
     }
 
@@ -171,7 +189,8 @@ impl Tree {
         in_blocks(py, rays.len(), nthreads, |block| {
             let hits = block.into_par_iter().with_min_len(CHUNK).map(|i| {
                 let mut hits = Vec::new();
-                self.built.tree.all_hits(&rays.get(i), &mut hits, &mut ());
+                let ray = rays.of_row(&rays.rows[i]);
+                self.built.tree.all_hits(&ray, &mut hits, &mut ());
                 (i as u32, hits)
             });
             all.par_extend(hits.filter(|(_, hits)| !hits.is_empty()));
@@ -234,39 +253,37 @@ type Hits<'py> = (
     Array2<'py, f32>,
 );
 
-/// Rays in an array: origin and direction; or also t_min and t_max.
+/// Rays in an array, origin and direction, with the t that all of them have.
 struct Rays<'a> {
-    numbers: &'a [f32],
-    columns: usize,
+    rows: &'a [[f32; 6]],
     interval: (f32, f32),
 }
 
 impl<'a> Rays<'a> {
     fn of(array: &'a PyReadonlyArray2<'_, f32>, interval: (f32, f32)) -> PyResult<Self> {
-        let (numbers, columns) = batch::rows(array, "rays", &[6])?;
-        Ok(Rays {
-            numbers,
-            columns,
-            interval,
-        })
+        let rows = batch::rows(array, "rays")?;
+        Ok(Rays { rows, interval })
     }
 
     fn len(&self) -> usize {
-        self.numbers.len() / self.columns
+        self.rows.len()
     }
 
-    /// That many rays in a row.
-    fn chunk(&self, start: usize, count: usize) -> Vec<Ray> {
-        (start..start + count).map(|i| self.get(i)).collect()
+    /// The rays of some rows, in that memory.
+    #[inline]
+    fn of_rows<'m>(&self, rows: &[[f32; 6]], memory: &'m mut Vec<Ray>) -> &'m [Ray] {
+        memory.clear();
+        memory.extend(rows.iter().map(|row| self.of_row(row)));
+        memory
     }
 
     #[inline]
-    fn get(&self, i: usize) -> Ray {
-        let row = &self.numbers[i * self.columns..][..self.columns];
+    fn of_row(&self, &[x, y, z, u, v, w]: &[f32; 6]) -> Ray {
         Ray {
+            origin: [x, y, z],
+            direction: [u, v, w],
             t_min: self.interval.0,
             t_max: self.interval.1,
-            ..Ray::new([row[0], row[1], row[2]], [row[3], row[4], row[5]])
         }
     }
 }
@@ -288,33 +305,23 @@ fn counted(py: Python<'_>, counts: Vec<Counts>) -> PyResult<Array2<'_, u32>> {
 
 #[pymethods]
 impl Tree {
-    /// The tree of that name over a mesh. `positions` is (N, 3), float32 or float64; `triangles`
-    /// (M, 3), indices into it; `starts` the first triangle of each geometry.
+    /// The tree of that name over meshes, each of positions (N, 3), float32 or float64, and
+    /// triangles (M, 3), indices into them.
     #[new]
     fn new(
         py: Python<'_>,
-        positions: &Bound<'_, PyAny>,
-        triangles: PyReadonlyArray2<'_, u32>,
-        starts: Vec<u32>,
+        meshes: Vec<Arrays<'_>>,
         tree: &str,
         layout: &str,
         nthreads: usize,
     ) -> PyResult<Self> {
-        let mesh = mesh_of(positions, &triangles)?;
-        Tree::over(py, &mesh, starts, (tree, layout), nthreads)
+        Tree::over(py, mesh_of(&meshes)?, (tree, layout), nthreads)
     }
 
-    /// The tree in a file, over the same mesh as this one's would be; arguments as for the tree
-    /// that is built.
+    /// The tree in a file, over meshes as for a tree that is built.
     #[staticmethod]
-    fn load(
-        py: Python<'_>,
-        path: PathBuf,
-        positions: &Bound<'_, PyAny>,
-        triangles: PyReadonlyArray2<'_, u32>,
-        starts: Vec<u32>,
-    ) -> PyResult<Self> {
-        let mesh = mesh_of(positions, &triangles)?;
+    fn load(py: Python<'_>, path: PathBuf, meshes: Vec<Arrays<'_>>) -> PyResult<Self> {
+        let (mesh, parts) = mesh_of(&meshes)?;
         let mut settings = Settings::of_preset(Preset::Default);
         let built = interruptible(py, |_| {
             let built = splitplane_lab::load_tree(&path, &mesh, &mut settings);
@@ -330,7 +337,8 @@ impl Tree {
         Ok(Tree {
             built,
             settings,
-            starts,
+            parts,
+            normals: OnceLock::new(),
         })
     }
 
@@ -402,10 +410,10 @@ impl Tree {
         if stats {
             let mut counts = vec![Counts::default(); rays.len()];
             let found = self.any_hits(py, &rays, nthreads, &mut counts)?;
-            return Ok((found.into_pyarray(py), Some(counted(py, counts)?)));
+            return Ok((found, Some(counted(py, counts)?)));
         }
         let found = self.any_hits(py, &rays, nthreads, &mut vec![(); rays.len()])?;
-        Ok((found.into_pyarray(py), None))
+        Ok((found, None))
     }
 
     /// How many triangles each of (N, 6) rays hits.
@@ -479,7 +487,7 @@ impl Tree {
         Array2<'py, f32>,
         Array2<'py, f32>,
     )> {
-        let points = triple(batch::rows(&points, "points", &[3])?.0);
+        let points = batch::rows(&points, "points")?;
         let mut found = vec![None; points.len()];
         in_blocks(py, points.len(), nthreads, |block| {
             (
@@ -487,7 +495,7 @@ impl Tree {
                 points[block].par_iter(),
             )
                 .into_par_iter()
-                .with_min_len(CHUNK / 16)
+                .with_min_len(CHUNK / 4)
                 .for_each(|(found, &point)| {
                     *found = self.built.tree.closest_point(point, f32::INFINITY, &mut ());
                 });
@@ -525,7 +533,7 @@ impl Tree {
         points: PyReadonlyArray2<'py, f32>,
         nthreads: usize,
     ) -> PyResult<Array1<'py, bool>> {
-        let points = triple(batch::rows(&points, "points", &[3])?.0);
+        let points = batch::rows(&points, "points")?;
         let mut inside = vec![false; points.len()];
         in_blocks(py, points.len(), nthreads, |block| {
             (
@@ -533,7 +541,7 @@ impl Tree {
                 points[block].par_iter(),
             )
                 .into_par_iter()
-                .with_min_len(CHUNK / 16)
+                .with_min_len(CHUNK / 4)
                 .for_each(|(inside, &point)| {
                     *inside = self.built.tree.contains(point, &mut ());
                 });
@@ -554,22 +562,23 @@ fn io_error(error: std::io::Error, path: &Path) -> PyErr {
     std::io::Error::new(error.kind(), text).into()
 }
 
-fn mesh_of(positions: &Bound<'_, PyAny>, triangles: &PyReadonlyArray2<'_, u32>) -> PyResult<Mesh> {
-    let triangles = triple(batch::rows(triangles, "triangles", &[3])?.0);
-    let mesh = if let Ok(positions) = positions.extract::<PyReadonlyArray2<'_, f64>>() {
-        let positions = triple(batch::rows(&positions, "vertices", &[3])?.0);
-        Mesh::from_f64(&positions, triangles)
-    } else {
-        let positions = positions.extract::<PyReadonlyArray2<'_, f32>>()?;
-        Mesh::new(
-            triple(batch::rows(&positions, "vertices", &[3])?.0),
-            triangles,
-        )
-    };
-    mesh.map_err(|error| PyValueError::new_err(error.to_string()))
-}
+/// Positions and triangles of a mesh.
+type Arrays<'py> = (Bound<'py, PyAny>, PyReadonlyArray2<'py, u32>);
 
-/// Numbers by threes.
-fn triple<T: Copy>(numbers: &[T]) -> Vec<[T; 3]> {
-    numbers.as_chunks().0.to_vec()
+/// The meshes as one.
+fn mesh_of(meshes: &[Arrays<'_>]) -> PyResult<(Mesh, Parts)> {
+    let value_error = |error: MeshError| PyValueError::new_err(error.to_string());
+    let meshes: Vec<Mesh> = (meshes.iter())
+        .map(|(positions, triangles)| {
+            let triangles = batch::rows(triangles, "triangles")?.to_vec();
+            let mesh = if let Ok(positions) = positions.extract::<PyReadonlyArray2<'_, f64>>() {
+                Mesh::from_f64(batch::rows(&positions, "vertices")?, triangles)
+            } else {
+                let positions = positions.extract::<PyReadonlyArray2<'_, f32>>()?;
+                Mesh::new(batch::rows(&positions, "vertices")?.to_vec(), triangles)
+            };
+            mesh.map_err(value_error)
+        })
+        .collect::<PyResult<_>>()?;
+    Mesh::join(&meshes).map_err(value_error)
 }

@@ -38,6 +38,12 @@ def rays_at(count, seed=1):
     return np.hstack([origins, targets - origins]).astype(np.float32)
 
 
+def pinhole(**changed):
+    given = {"fov_deg": 60, "center": [0, 0, 0], "eye": [0, 0, 5], "up": [0, 1, 0]}
+    given |= {"width_px": 4, "height_px": 3}
+    return RaycastingScene.create_rays_pinhole(**given | changed)
+
+
 @pytest.fixture(scope="module")
 def cube():
     scene = RaycastingScene()
@@ -167,6 +173,20 @@ def test_float64_lists_and_strides_are_taken(scene):
     assert np.array_equal(scene.cast_rays(rays[::2])["t_hit"], expected[::2])
 
 
+def test_names_of_arguments_are_open3ds():
+    class Mesh:
+        vertices, triangles = CUBE_VERTICES, CUBE_TRIANGLES
+
+    scene = RaycastingScene(nthreads=1, device="CPU:0")
+    assert scene.add_triangles(mesh=Mesh()) == 0
+    assert scene.add_triangles(Mesh()) == 1
+    pair = {"vertex_positions": CUBE_VERTICES, "triangle_indices": CUBE_TRIANGLES}
+    assert scene.add_triangles(**pair) == 2
+    assert scene.cast_rays(rays=[0.5, 0.3, 10, 0, 0, -1], nthreads=0)["t_hit"] == 9
+    points = {"query_points": [[0.5, 0.5, 1.5]], "nthreads": 0}
+    assert scene.compute_signed_distance(**points, nsamples=3)[0] == 0.5
+
+
 def test_nothing_added_hits_nothing():
     empty = RaycastingScene()
     assert np.isinf(empty.cast_rays(np.zeros(6))["t_hit"])
@@ -179,6 +199,7 @@ def test_the_card_shows_itself(scene):
     card = scene.card()
     assert card["triangles"] == 2 * (40 * 40 + 24 * 24)
     assert "SAH cost" in repr(card) and str(card["depth"]) in repr(card)
+    assert card["wide"]["nodes"] > 10 and f"{card['wide']['nodes']:,} nodes" in repr(card)
     assert card._repr_html_().startswith("<table>")
     assert "2 geometries" in repr(scene) and "<table>" in scene._repr_html_()
 
@@ -190,7 +211,10 @@ def test_the_card_shows_itself(scene):
         (lambda s: s.cast_rays(np.zeros(())), ValueError, "(..., 6)"),
         (lambda s: s.cast_rays(np.zeros((3, 6), complex)), TypeError, "real numbers, not complex"),
         (lambda s: s.cast_rays([["a"] * 6]), TypeError, "real numbers"),
+        (lambda s: s.cast_rays([[0] * 6, [0] * 5]), ValueError, "rays must have the shape (..., 6)"),
         (lambda s: s.cast_rays(np.zeros((3, 6)), nthreads=-1), ValueError, "nthreads"),
+        (lambda s: s.cast_rays(np.zeros((3, 6)), nthreads=10**6), ValueError, "nthreads"),
+        (lambda s: s.cast_rays(np.zeros((3, 6)), nthreads=1.5), TypeError, "float"),
         (lambda s: s.compute_distance(np.zeros((3, 6))), ValueError, "query_points"),
         (lambda s: s.add_triangles(np.zeros((3, 2)), [[0, 1, 2]]), ValueError, "vertices"),
         (lambda s: s.add_triangles(np.zeros((3, 3)), [[0, 1, 3]]), ValueError, "vertex 3"),
@@ -198,11 +222,18 @@ def test_the_card_shows_itself(scene):
         (lambda s: s.add_triangles(np.zeros((3, 3)), [[0.0, 1, 2]]), TypeError, "integers"),
         (lambda s: s.add_triangles(np.zeros((3, 3)), [0, 1, 2]), ValueError, "(M, 3)"),
         (lambda s: s.add_triangles(17), TypeError, "int"),
+        (lambda s: s.add_triangles(), TypeError, "NoneType"),
+        (lambda s: s.add_triangles(np.zeros((3, 3)), mesh=17), TypeError, "not both"),
+        (lambda s: RaycastingScene(device="CUDA:0"), ValueError, "on the CPU"),
         (lambda s: RaycastingScene(tree="oak").build(), ValueError, 'no tree is called "oak"'),
         (lambda s: RaycastingScene(tree="wn+kd:99").build(), ValueError, "from 3 to 64"),
         (lambda s: RaycastingScene(layout="tall").build(), ValueError, "binary and wide"),
         (lambda s: RaycastingScene(nthreads=-2), ValueError, "nthreads"),
         (lambda s: s.create_rays_pinhole(60.0, 4), TypeError, "fov_deg"),
+        (lambda s: pinhole(center=[0, 0, 5]), ValueError, "eye and center must differ"),
+        (lambda s: pinhole(up=[0, 0, 1]), ValueError, "up must point aside"),
+        (lambda s: pinhole(eye=[0, 0]), ValueError, "eye must have the shape (..., 3)"),
+        (lambda s: pinhole(width_px=-1), ValueError, "-1 and 3"),
     ],
 )
 def test_what_is_wrong_is_told(scene, call, error, says):

@@ -55,6 +55,12 @@ def test_a_picture_is_the_same_with_every_tree_and_counted(ring):
     assert np.array_equal(picture, counted)
     assert stats["triangle_tests"].shape == (32, 48) and stats["triangle_tests"].sum() > 1000
     assert stats["normal"].shape == (32, 48, 3) and stats["camera_rays"] >= 48 * 32
+    # Wide nodes are counted as such, and there are no others.
+    visits = ["kd_visits", "oblique_visits", "wide_visits", "leaf_visits"]
+    assert [stats[name].sum() > 0 for name in visits] == [False, False, True, True]
+    again, stats = splitplane.render(ring, tree="wn+kd:6", layout="binary", stats=True, **how)
+    assert np.array_equal(picture, again)
+    assert [stats[name].sum() > 0 for name in visits] == [True, True, False, True]
 
 
 def test_records_are_dictionaries(ring):
@@ -70,6 +76,8 @@ def test_records_are_dictionaries(ring):
     [
         (lambda: splitplane.load_scene("no-such-scene"), ValueError, "no-such-scene"),
         (lambda: splitplane.load_scene(__file__), ValueError, "test_scenes.py"),
+        (lambda: splitplane.render("grove:40000", spp=-1), ValueError, "spp must be from 0"),
+        (lambda: splitplane.render("grove:40000", resolution=(0, 5)), ValueError, "0 x 5"),
         (lambda: splitplane.compare("grove:40000", "kd"), TypeError, "list"),
         (lambda: splitplane.compare("grove:40000", ["oak"]), ValueError, "oak"),
         (lambda: splitplane.compare("grove:40000", ["kd"], preset="best"), ValueError, "preset"),
@@ -104,15 +112,23 @@ def test_other_threads_run_while_rays_are_cast(ring):
     assert sum(start < t < end for t in ticks) > 5, (end - start, len(ticks))
 
 
-def test_a_long_rendering_is_interrupted(tmp_path):
+@pytest.mark.parametrize(
+    "work",
+    [
+        "splitplane.render(sys.argv[1], spp=100_000, nthreads=1)",
+        # A minute, if it is let.
+        "splitplane.load_scene('grove:400000').raycasting('wn+kd:64').build()",
+    ],
+    ids=["rendering", "build"],
+)
+def test_what_takes_long_is_interrupted(work, tmp_path):
     mesh = tmp_path / "triangle.obj"
     mesh.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     code = (
         "import _thread, sys, threading, splitplane\n"
-        "scene = splitplane.load_scene(sys.argv[1])\n"
-        "threading.Timer(2.0, _thread.interrupt_main).start()\n"
+        "threading.Timer(3.0, _thread.interrupt_main).start()\n"
         "try:\n"
-        "    splitplane.render(scene, spp=100_000, nthreads=1)\n"
+        f"    {work}\n"
         "except KeyboardInterrupt:\n"
         "    print('stopped')\n"
     )

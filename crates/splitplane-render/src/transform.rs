@@ -45,6 +45,11 @@ impl Transform {
         self.matrix
     }
 
+    /// Whether it leaves parallels parallel.
+    pub(crate) fn is_affine(&self) -> bool {
+        self.matrix.row(3).to_array() == [0.0, 0.0, 0.0, 1.0]
+    }
+
     /// A point, transformed (and divided by its w where the transform is projective).
     pub fn point(&self, p: [f32; 3]) -> [f32; 3] {
         self.matrix

@@ -1,8 +1,10 @@
 //! Scenes in pbrt's words whose radiance is known.
 
-use splitplane::{BuildParams, Tree};
-use splitplane_render::render::{RenderSettings, Rendered, render};
-use splitplane_render::scene::{LoadOptions, Scene, load};
+use std::sync::Arc;
+
+use splitplane::{BuildParams, Layout, Tree};
+use splitplane_render::render::{RenderError, RenderSettings, Rendered, place, render};
+use splitplane_render::scene::{Instancing, LoadOptions, Scene, load};
 
 /// A scene of 8 x 8 pixels that looks from the origin along +z, nearly at a single point.
 fn scene(integrator: &str, world: &str) -> Scene {
@@ -15,12 +17,24 @@ fn scene(integrator: &str, world: &str) -> Scene {
 }
 
 fn whole(text: &str) -> Scene {
+    with(text, &LoadOptions::default())
+}
+
+fn with(text: &str, options: &LoadOptions) -> Scene {
     let folder = tempfile::tempdir().unwrap();
     let white = image::RgbImage::from_pixel(8, 4, image::Rgb([255; 3]));
     white.save(folder.path().join("white.png")).unwrap();
+    // All directions of a light with -z in the corners, z in the middle: red where x > 0, green
+    // where y > 0, blue where z > 0.
+    let square = image::RgbImage::from_fn(32, 32, |column, row| {
+        let (x, y) = (f64::from(column) - 15.5, f64::from(row) - 15.5);
+        let lit = |yes: bool| if yes { 255 } else { 0 };
+        image::Rgb([lit(x > 0.0), lit(y > 0.0), lit(x.abs() + y.abs() < 16.0)])
+    });
+    square.save(folder.path().join("square.png")).unwrap();
     let path = folder.path().join("test.pbrt");
     std::fs::write(&path, text).unwrap();
-    load(&path.to_string_lossy(), &LoadOptions::default()).unwrap()
+    load(&path.to_string_lossy(), options).unwrap()
 }
 
 fn picture(scene: &Scene, samples: u32) -> Rendered {
@@ -253,6 +267,126 @@ fn both_spellings_of_a_scene_are_the_same_picture() {
     );
     assert!(v4.notes.iter().all(|note| !note.warning), "{:?}", v4.notes);
     assert_eq!(picture(&v3, 4).radiance, picture(&v4, 4).radiance);
+}
+
+#[test]
+fn square_maps_of_the_fourth_version_cover_all_directions() {
+    let seen = |map: &str, [x, y, z]: [f64; 3]| {
+        let scene = whole(&format!(
+            "Option \"bool disablepixeljitter\" false\n\
+             LookAt 0 0 0 {x} {y} {z} 0.1 0.2 0.97\nCamera \"perspective\" \"float fov\" 0.2\n\
+             Film \"rgb\" \"integer xresolution\" 2 \"integer yresolution\" 2\n\
+             WorldBegin\nLightSource \"infinite\" \"string filename\" \"{map}\"\n"
+        ));
+        let warnings = scene.notes.iter().filter(|note| note.warning).count();
+        (picture(&scene, 1).radiance[0], warnings)
+    };
+    for signs in 0..8_u32 {
+        let sign = |axis: u32| if signs >> axis & 1 == 1 { 1.0 } else { -1.0 };
+        let w = [0.6 * sign(0), 0.4 * sign(1), 0.7 * sign(2)];
+        let (radiance, warnings) = seen("square.png", w);
+        assert_eq!(warnings, 0);
+        for (axis, (c, w)) in radiance.into_iter().zip(w).enumerate() {
+            let expected = if w > 0.0 { 1.0 } else { 0.0 };
+            assert!(
+                (c - expected).abs() < 1e-3,
+                "axis {axis} of {w:?}: {radiance:?}"
+            );
+        }
+    }
+    // An older scene's map, in the new words.
+    let (radiance, warnings) = seen("white.png", [0.6, 0.4, 0.7]);
+    assert_eq!((radiance, warnings), ([1.0; 3], 1));
+}
+
+/// Three objects' copies: turned, mirrored, stretched, far from where they are defined, cut out by
+/// alpha; beside a mesh that shines.
+const COPIES: &str = "Film \"image\" \"integer xresolution\" 40 \"integer yresolution\" 30\n\
+    LookAt 0 1 -9  0 0 0  0 1 0\nCamera \"perspective\" \"float fov\" 40\n\
+    Sampler \"halton\" \"integer pixelsamples\" 16\nIntegrator \"path\" \"integer maxdepth\" 4\n\
+    WorldBegin\nLightSource \"infinite\" \"rgb L\" [.3 .4 .5]\n\
+    AttributeBegin\nAreaLightSource \"diffuse\" \"rgb L\" [9 8 7]\nReverseOrientation\n\
+    Shape \"trianglemesh\" \"integer indices\" [0 1 2 0 2 3] \
+    \"point P\" [-2 4 -2 2 4 -2 2 4 2 -2 4 2]\nAttributeEnd\n\
+    Texture \"dots\" \"float\" \"checkerboard\" \"float uscale\" 8 \"float vscale\" 8 \
+    \"float tex1\" 1 \"float tex2\" 0\n\
+    ObjectBegin \"ball\"\nMaterial \"plastic\" \"rgb Kd\" [.7 .2 .1]\nShape \"sphere\"\n\
+    ObjectEnd\n\
+    ObjectBegin \"far\"\nTranslate 500 0 0\nMaterial \"matte\" \"rgb Kd\" [.1 .6 .2]\n\
+    Shape \"cylinder\" \"texture alpha\" \"dots\"\n\
+    Shape \"trianglemesh\" \"integer indices\" [0 1 2] \"point P\" [0 0 0 1 0 0 0 1.5 .3]\n\
+    ObjectEnd\n\
+    ObjectBegin \"unused\"\nShape \"sphere\"\nObjectEnd\n\
+    Material \"matte\"\nShape \"trianglemesh\" \"integer indices\" [0 2 1 0 3 2] \
+    \"point P\" [-9 -1.5 -9 9 -1.5 -9 9 -1.5 9 -9 -1.5 9]\n\
+    AttributeBegin\nTranslate -2 0 0\nScale 1 -.6 1\nObjectInstance \"ball\"\nAttributeEnd\n\
+    AttributeBegin\nTranslate 2 0 1\nRotate 30 1 1 0\nScale .5 1 2\nObjectInstance \"ball\"\n\
+    AttributeEnd\n\
+    AttributeBegin\nRotate 70 1 0 0\nTranslate -500 0 0\nObjectInstance \"far\"\nAttributeEnd\n\
+    WorldEnd\n";
+
+#[test]
+fn instances_that_are_kept_give_the_picture_of_their_copies() {
+    let flat = whole(COPIES);
+    let kept = with(
+        COPIES,
+        &LoadOptions {
+            instances: Instancing::Kept,
+            ..Default::default()
+        },
+    );
+    assert!(flat.instances.is_empty());
+    assert_eq!((kept.objects.len(), kept.instances.len()), (2, 3));
+    assert_eq!(kept.triangles(), flat.triangles());
+    assert_eq!(kept.contents, flat.contents);
+    assert_eq!(
+        kept.contents.unique_triangles,
+        kept.meshes()
+            .map(|m| m.triangles().len() as u64)
+            .sum::<u64>()
+    );
+    for layout in Layout::ALL {
+        let build = |mesh| {
+            let tree = Tree::build(mesh, "wn+kd:6".parse().unwrap(), &BuildParams::default());
+            Arc::new(tree.unwrap().with_layout(layout).unwrap())
+        };
+        let trees: Vec<_> = kept
+            .objects
+            .iter()
+            .map(|object| build(&object.mesh))
+            .collect();
+        let placed = place(&kept, build(&kept.mesh), &trees).unwrap();
+        let settings = RenderSettings::default();
+        let two_levels = render(&kept, &placed, &settings, &()).unwrap();
+        let one = render(&flat, &*build(&flat.mesh), &settings, &()).unwrap();
+        // Roundings differ, and here and there the side of an edge, so single pixels may.
+        let differs = |(a, b): (&[f32; 3], &[f32; 3])| {
+            (0..3).any(|c| (a[c] - b[c]).abs() > 0.02 * (0.1 + b[c].abs()))
+        };
+        let pixels = two_levels.radiance.iter().zip(&one.radiance);
+        let differing = pixels.filter(|&(a, b)| differs((a, b))).count();
+        assert!(differing <= 24, "{differing} of 1200 pixels");
+        let mean = |r: &Rendered| {
+            r.radiance
+                .iter()
+                .flatten()
+                .map(|&c| f64::from(c))
+                .sum::<f64>()
+        };
+        let ratio = mean(&two_levels) / mean(&one);
+        assert!((ratio - 1.0).abs() < 2e-3, "{ratio}");
+        assert_eq!(two_levels.rays.camera, one.rays.camera);
+        // Neither alone nor with other trees.
+        let alone = render(&kept, &*build(&kept.mesh), &settings, &()).unwrap_err();
+        assert!(
+            matches!(alone, RenderError::OtherInstances { instances: 3 }),
+            "{alone}"
+        );
+        let swapped: Vec<_> = trees.iter().rev().cloned().collect();
+        let placed = place(&kept, build(&kept.mesh), &swapped).unwrap();
+        let other = render(&kept, &placed, &settings, &()).unwrap_err();
+        assert!(matches!(other, RenderError::OtherMesh { .. }), "{other}");
+    }
 }
 
 #[test]

@@ -6,7 +6,7 @@ use std::f64::consts::PI;
 
 use render_common::{Part, grey, matte, mean, path, rendered, scene};
 use splitplane_render::render::RenderSettings;
-use splitplane_render::scene::light::Light;
+use splitplane_render::scene::light::{Light, SphereMap};
 use splitplane_render::scene::material::Material;
 use splitplane_render::scene::settings::{Integrator, LightStrategy, SamplerKind};
 use splitplane_render::transform::Transform;
@@ -14,6 +14,7 @@ use splitplane_render::transform::Transform;
 const SKY: Light = Light::Infinite {
     radiance: [3.0; 3],
     map: None,
+    sphere: SphereMap::LongitudeLatitude,
     to_world: Transform::IDENTITY,
 };
 

@@ -6,17 +6,16 @@
 mod shapes;
 
 use rayon::prelude::*;
-use splitplane::{Mesh, Ray, Tree};
+use splitplane::{Mesh, MeshError, Ray, Tree};
 
 const DIRECTIONS: u32 = 256;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let tori = [
-        shapes::torus([0.0, 0.0, 0.4], 1.0, 0.4, 96),
-        shapes::torus([0.0, 0.0, 1.2], 0.7, 0.3, 96),
-    ];
-    let (positions, triangles) = shapes::join(tori.into_iter().chain([grid(0.0, 2.0, 80)]));
-    let mesh = Mesh::new(positions, triangles)?;
+    let (mesh, _) = Mesh::join(&[
+        shapes::torus([0.0, 0.0, 0.4], 1.0, 0.4, 96)?,
+        shapes::torus([0.0, 0.0, 1.2], 0.7, 0.3, 96)?,
+        grid(0.0, 2.0, 80)?,
+    ])?;
     let tree = Tree::new(&mesh)?;
 
     // The normal of a vertex: those of its triangles, by their area.
@@ -57,7 +56,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn grid(height: f32, half: f32, side: u32) -> shapes::Triangles {
+fn grid(height: f32, half: f32, side: u32) -> Result<Mesh, MeshError> {
     let along = |i: u32| half * (2.0 * i as f32 / side as f32 - 1.0);
     let positions = (0..=side)
         .flat_map(|y| (0..=side).map(move |x| [along(x), along(y), height]))
@@ -70,7 +69,7 @@ fn grid(height: f32, half: f32, side: u32) -> shapes::Triangles {
             [[a, b, c], [a, c, d]]
         })
         .collect();
-    (positions, triangles)
+    Mesh::new(positions, triangles)
 }
 
 /// An ASCII PLY with grey vertices, for any viewer.

@@ -12,17 +12,20 @@ use splitplane::{Mesh, Tree};
 /// Where a map would have the scene: metres east and north.
 const SITE: [f64; 3] = [458_300.0, 5_427_900.0, 112.0];
 
+/// The first of the objects.
+const GROUND: usize = 0;
+
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let parts = (0..8).map(|i| {
-        let angle = std::f32::consts::TAU * i as f32 / 8.0;
-        shapes::torus([12.0 * angle.cos(), 12.0 * angle.sin(), 1.5], 1.2, 0.5, 24)
-    });
-    let (near, triangles) = shapes::join(parts.chain([shapes::floor(0.0, 60.0)]));
-    let positions: Vec<[f64; 3]> = (near.iter())
+    let mut parts = vec![shapes::floor(0.0, 60.0)?];
+    for i in 0..8 {
+        let (y, x) = (std::f32::consts::TAU * i as f32 / 8.0).sin_cos();
+        parts.push(shapes::torus([12.0 * x, 12.0 * y, 1.5], 1.2, 0.5, 24)?);
+    }
+    let (near, objects) = Mesh::join(&parts)?;
+    let positions: Vec<[f64; 3]> = (near.positions().iter())
         .map(|p| std::array::from_fn(|i| SITE[i] + f64::from(p[i])))
         .collect();
-    let objects = triangles.len() as u32 - 2;
-    let mesh = Mesh::from_f64(&positions, triangles)?;
+    let mesh = Mesh::from_f64(&positions, near.triangles().to_vec())?;
     let tree = Tree::new(&mesh)?;
 
     let (beams, steps, range) = (32, 1800, 50.0);
@@ -39,11 +42,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             let cosine = shapes::dot(mesh.normal(hit.triangle), ray.direction).abs();
             let point: [f64; 3] =
                 std::array::from_fn(|k| sensor[k] + f64::from(hit.t) * direction[k]);
-            Some((point, hit.t, hit.triangle < objects, cosine))
+            Some((point, hit.t, objects.locate(hit.triangle).0, cosine))
         })
         .collect();
 
-    let of_objects = returns.iter().filter(|r| r.2).count();
+    let of_objects = returns.iter().filter(|r| r.2 != GROUND).count();
     let furthest = returns.iter().map(|r| r.1).fold(0.0, f32::max);
     println!(
         "{} beams cast, {} returns, {of_objects} of them from objects; the furthest at {furthest:.2} m",
@@ -51,7 +54,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         returns.len(),
     );
     // The ground is flat, so the height of its returns says how exact they are.
-    let off = (returns.iter().filter(|r| !r.2))
+    let off = (returns.iter().filter(|r| r.2 == GROUND))
         .map(|r| (r.0[2] - SITE[2]).abs())
         .fold(0.0, f64::max);
     println!(
@@ -60,9 +63,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     );
     assert!(of_objects > 1000 && off < 1e-4);
     if let Some(path) = std::env::args().nth(1) {
-        let lines = returns
-            .iter()
-            .map(|([x, y, z], _, _, cosine)| format!("{x:.4} {y:.4} {z:.4} {cosine:.3}\n"));
+        let lines = returns.iter().map(|([x, y, z], _, object, cosine)| {
+            format!("{x:.4} {y:.4} {z:.4} {object} {cosine:.3}\n")
+        });
         std::fs::write(path, lines.collect::<String>())?;
     }
     Ok(())

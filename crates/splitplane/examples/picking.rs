@@ -8,15 +8,13 @@ mod shapes;
 use splitplane::{Hit, Mesh, Ray, Tree};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    // Two tori, one behind the other; each object is a range of triangles.
-    let (mut positions, mut triangles) = shapes::torus([0.0, 0.0, 0.0], 1.0, 0.4, 48);
-    let first = triangles.len() as u32;
-    let (more, others) = shapes::torus([0.0, 0.0, -3.0], 1.0, 0.4, 48);
-    let shift = positions.len() as u32;
-    positions.extend(more);
-    triangles.extend(others.iter().map(|corners| corners.map(|i| i + shift)));
-    let tree = Tree::new(&Mesh::new(positions, triangles)?)?;
-    let object = |hit: &Hit| u32::from(hit.triangle >= first);
+    // Two tori, one behind the other.
+    let (mesh, objects) = Mesh::join(&[
+        shapes::torus([0.0, 0.0, 0.0], 1.0, 0.4, 48)?,
+        shapes::torus([0.0, 0.0, -3.0], 1.0, 0.4, 48)?,
+    ])?;
+    let tree = Tree::new(&mesh)?;
+    let object = |hit: &Hit| objects.locate(hit.triangle).0;
 
     // A camera at z = 5 that looks along -z, 640 x 480 pixels, 45 degrees high.
     let (width, height) = (640.0f32, 480.0f32);
@@ -35,7 +33,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         };
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
         let nearest = (0..3).max_by(|&i, &j| weights[i].total_cmp(&weights[j]));
-        let vertex = tree.mesh().triangles()[hit.triangle as usize][nearest.unwrap_or(0)];
+        let vertex = mesh.triangles()[hit.triangle as usize][nearest.unwrap_or(0)];
         tree.all_hits(&ray, &mut all, &mut ());
         // Only the other object, as where the first is hidden by the user.
         let other = tree.closest_hit_where(&ray, |h| object(h) != object(&hit), &mut ());

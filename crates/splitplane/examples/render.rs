@@ -9,14 +9,11 @@ use std::sync::Arc;
 
 use rayon::prelude::*;
 use shapes::{add, dot, hemisphere, unit};
-use splitplane::{Instances, Mesh, Ray, Transform, Tree};
+use splitplane::{Instances, Ray, Transform, Tree};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
-    let tree_of = |(positions, triangles)| -> Result<_, Box<dyn std::error::Error>> {
-        Ok(Arc::new(Tree::new(&Mesh::new(positions, triangles)?)?))
-    };
-    let ring = tree_of(shapes::torus([0.0; 3], 1.0, 0.3, 64))?;
-    let ground = tree_of(shapes::floor(0.0, 30.0))?;
+    let ring = Arc::new(Tree::new(&shapes::torus([0.0; 3], 1.0, 0.3, 64)?)?);
+    let ground = Arc::new(Tree::new(&shapes::floor(0.0, 30.0)?)?);
     let mut placed = vec![(ground, Transform::IDENTITY)];
     for i in 0..25 {
         let (x, y) = (f64::from(i % 5) * 3.0 - 6.0, f64::from(i / 5) * 3.0 - 6.0);

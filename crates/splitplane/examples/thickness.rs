@@ -6,12 +6,11 @@
 mod shapes;
 
 use rayon::prelude::*;
-use splitplane::{Mesh, Ray, Tree};
+use splitplane::{Ray, Tree};
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     // A ring whose tube is 0.3 in radius: 0.6 thick.
-    let (positions, triangles) = shapes::torus([0.0; 3], 1.0, 0.3, 64);
-    let mesh = Mesh::new(positions, triangles)?;
+    let mesh = shapes::torus([0.0; 3], 1.0, 0.3, 64)?;
     assert!(mesh.is_closed(), "thickness needs an inside");
     let tree = Tree::new(&mesh)?;
 

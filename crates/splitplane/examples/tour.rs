@@ -54,6 +54,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     };
     assert_eq!(tree.triangles_in_box(&corner, &mut ()), [0, 1, 3]);
 
+    let lid = [[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]];
+    let lid = Mesh::new(lid.to_vec(), vec![[0, 1, 2]])?;
+    let (both, parts) = Mesh::join([&mesh, &lid])?;
+    let hit = Tree::new(&both)?.closest_hit(&ray, &mut ()).expect("a hit");
+    assert_eq!(parts.locate(hit.triangle), (1, 0)); // mesh, triangle in it
+
     let shared = Arc::new(Tree::new(&mesh)?);
     let twice_as_high = Transform::from_rows([
         [1.0, 0.0, 0.0, 10.0],

@@ -22,8 +22,8 @@
 //! | [`card`](Tree::card), [`section`](Tree::section), [`validate`](Tree::validate) | the tree itself |
 //! | [`save`](Tree::save), [`load`](Tree::load) | files |
 //!
-//! [`Instances`] are trees that are placed in space, each as often as need be, and answer the same
-//! rays. A tree is shared between threads: cast many rays with rayon's `par_iter`, or any other.
+//! Several meshes are one by [`Mesh::join`], which tells them apart again. [`Instances`] are trees
+//! that are placed in space, each as often as need be, and answer the same rays. A tree is shared between threads: cast many rays with rayon's `par_iter`, or any other.
 //!
 //! Every tree gives the answers of looking at every triangle, bit for bit: same triangle, same `t`,
 //! `u` and `v`; of equals the lowest index. Triangles are two-sided, edges and vertices belong to
@@ -89,7 +89,7 @@ pub use build::{
     Wins,
 };
 pub use catalog::{Directions, ParseTreeError, TREES, TreeChoice, TreeSpec};
-pub use geometry::{Aabb, Mesh, MeshError, Ray, Skipped};
+pub use geometry::{Aabb, Mesh, MeshError, Parts, Ray, Skipped};
 pub use instances::{InstanceHit, Instances, InstancesError, Transform, TransformError};
 pub use query::{ClosestPoint, Counters, Counts, Hit, Traversal, brute_force};
 pub use tree::{

@@ -7,6 +7,7 @@ use splitplane_lab::{
     CardRecord, LabError, Layouts, Preset, Timeline, forget_peak_memory, median, peak_memory_bytes,
     save_tree, write_whole,
 };
+use splitplane_render::scene::Instancing;
 
 use crate::args::BuildCommand;
 use crate::failure::{Failure, writable_place};
@@ -26,7 +27,7 @@ pub fn run(command: &BuildCommand) -> Result<(), Failure> {
     settings.layouts = Layouts::both(command.layout);
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
-    let scene = scene::load(&command.scene, quiet)?;
+    let scene = scene::load(&command.scene, Instancing::Flattened, quiet)?;
     let timeline = Timeline::default();
     let (mut cards, mut peaks, mut last) = (Vec::new(), Vec::new(), None);
     for repetition in 0..command.repeat {

@@ -7,6 +7,7 @@ use std::path::Path;
 use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
 use splitplane::{Hit, Ray, TREES, Tree, TreeChoice};
 use splitplane_lab::{LabError, Layouts, Preset, write_whole};
+use splitplane_render::scene::Instancing;
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 use crate::args::{CastCommand, Query, TreeSource, layout};
@@ -24,7 +25,7 @@ pub fn run(command: &CastCommand) -> Result<(), Failure> {
     settings.layouts = Layouts::both(layout(command.layout, settings.traversal));
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
-    let scene = scene::load(&command.scene, quiet)?;
+    let scene = scene::load(&command.scene, Instancing::Flattened, quiet)?;
     let source = match &command.tree {
         Some(tree) => tree.clone(),
         None => TreeSource::Built(TreeChoice::new(TREES[0].name, None).map_err(Failure::input)?),

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use serde_json::json;
-use splitplane_render::scene::{Note, Scene};
+use splitplane_render::scene::{Instancing, Note, Scene};
 
 use crate::args::CheckCommand;
 use crate::failure::Failure;
@@ -12,7 +12,7 @@ use crate::{print, scene};
 
 pub fn run(command: &CheckCommand) -> Result<(), Failure> {
     // The notes are part of what is printed.
-    let scene = scene::load(&command.scene, true)?;
+    let scene = scene::load(&command.scene, Instancing::Kept, true)?;
     if command.json {
         print::line(&format!("{:#}", as_json(&scene)))?;
         return Ok(());
@@ -29,8 +29,7 @@ fn lines(scene: &Scene) -> Vec<String> {
         "" => scene.name.clone(),
         format => format!("{}: {format}", scene.name),
     }];
-    let mesh = &scene.mesh;
-    let total = mesh.triangles().len() as u64;
+    let total = scene.triangles();
     let mut triangles = format!("triangles: {}", grouped(total));
     if contents.instances > 0 {
         triangles += &format!(
@@ -40,7 +39,7 @@ fn lines(scene: &Scene) -> Vec<String> {
             grouped(contents.unique_triangles)
         );
     }
-    let skipped = mesh.skipped().total() as u64;
+    let skipped = skipped(scene);
     if skipped > 0 {
         triangles += &format!(
             "; {} without area or with numbers that are not finite",
@@ -48,7 +47,7 @@ fn lines(scene: &Scene) -> Vec<String> {
         );
     }
     lines.push(triangles);
-    let bounds = mesh.bounds();
+    let bounds = scene.bounds();
     let point = |p: [f32; 3]| format!("({})", p.map(|c| c.to_string()).join(", "));
     if total > 0 {
         lines.push(format!(
@@ -99,6 +98,14 @@ fn lines(scene: &Scene) -> Vec<String> {
     lines
 }
 
+/// Triangles that no ray can hit, those of objects once.
+fn skipped(scene: &Scene) -> u64 {
+    scene
+        .meshes()
+        .map(|mesh| mesh.skipped().total() as u64)
+        .sum()
+}
+
 fn as_json(scene: &Scene) -> serde_json::Value {
     let contents = &scene.contents;
     let mut kinds = serde_json::Map::new();
@@ -106,14 +113,14 @@ fn as_json(scene: &Scene) -> serde_json::Value {
         let group = kinds.entry(*group).or_insert_with(|| json!({}));
         group[kind] = json!(number);
     }
-    let bounds = scene.mesh.bounds();
+    let bounds = scene.bounds();
     json!({
         "scene": scene.name,
         "format": contents.format,
-        "triangles": scene.mesh.triangles().len(),
+        "triangles": scene.triangles(),
         "triangles_unique": contents.unique_triangles,
         "triangles_instanced": contents.instanced_triangles,
-        "triangles_skipped": scene.mesh.skipped().total(),
+        "triangles_skipped": skipped(scene),
         "instances": contents.instances,
         "bounds": { "min": bounds.min, "max": bounds.max },
         "kinds": kinds,

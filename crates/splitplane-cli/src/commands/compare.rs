@@ -36,7 +36,7 @@ pub fn run(command: &CompareCommand) -> Result<(), Failure> {
     let steps = trees.len() * (2 * command.repeat as usize + 1);
     let bar = Bar::new(quiet, steps);
     bar.spin(format!("reading {}", command.scene.scene));
-    let scene = scene::load(&command.scene, quiet)?;
+    let scene = scene::load(&command.scene, command.instances.how(), quiet)?;
     command
         .picture
         .apply(&mut settings.render, (scene.film.width, scene.film.height));

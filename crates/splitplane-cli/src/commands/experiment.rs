@@ -30,10 +30,11 @@ pub fn run(command: &ExperimentCommand) -> Result<(), Failure> {
             folder.path().display()
         )));
     }
+    let bar = Bar::new(args.quiet, 0);
+    // Before anything is made: a file that is wrong leaves no folder behind.
+    let plan = make_plan(args, &bar)?;
     folder.create()?;
     let _lock = folder.lock()?;
-    let bar = Bar::new(args.quiet, 0);
-    let plan = make_plan(args, &bar)?;
     plan.write(&folder)?;
     let schedule = Schedule {
         jobs: match command.jobs {
@@ -50,12 +51,16 @@ pub fn run(command: &ExperimentCommand) -> Result<(), Failure> {
             count(plan.cells.len() as u64, "run")
         ));
     }
+    progress::advise("no run that is done is lost; --resume goes on".to_owned());
     let program = this_program()?;
     let worker = |cell: &Cell| worker(&program, &folder, cell, &args.search.scenes);
     let events = Told { bar: &bar };
-    let done = run_all(&plan, &folder, &worker, schedule, &events)?;
+    let done = run_all(&plan, &folder, &worker, schedule, &events);
     progress::clear();
-    if !done {
+    if done.is_err() {
+        print::note("no run that is done is lost; --resume goes on");
+    }
+    if !done? {
         return Err(Failure::Interrupted);
     }
     finish(&folder, args.quiet)
@@ -90,10 +95,10 @@ fn failure(cell: &Cell, reason: &str) -> String {
 
 pub fn plan(command: &PlanCommand) -> Result<(), Failure> {
     let folder = folder_of(&command.file);
-    folder.create()?;
     let bar = Bar::new(command.file.quiet, 0);
     let plan = make_plan(&command.file, &bar)?;
     progress::clear();
+    folder.create()?;
     plan.write(&folder)?;
     let cells = plan.cells.len() as u64;
     let kind = match plan.cells.iter().any(|cell| cell.timed) {
@@ -126,9 +131,11 @@ pub fn run_cell(command: &RunCellCommand) -> Result<(), Failure> {
     if command.worker {
         end_with_standard_input();
         let run = work(&plan, cell, &folder, search).map_err(|error| match error {
-            LabError::Picture(_) | LabError::Write { .. } => {
-                Failure::NotWritten(miette::miette!("{error}"))
-            }
+            LabError::Picture(_)
+            | LabError::Write { .. }
+            | LabError::Scene(_)
+            | LabError::OtherScene { .. }
+            | LabError::OtherProgram { .. } => Failure::NotAble(miette::miette!("{error}")),
             error => Failure::from(error),
         })?;
         let json = serde_json::to_string(&run).map_err(Failure::input)?;
@@ -136,10 +143,16 @@ pub fn run_cell(command: &RunCellCommand) -> Result<(), Failure> {
         return Ok(());
     }
     folder.create()?;
-    let is_done = |result: &CellResult| result.outcome.run().is_some() || !command.retry_failed;
-    if folder.read_result(cell)?.as_ref().is_some_and(is_done) {
-        print::line(&format!("{} is done already", cell.id))?;
-        return Ok(());
+    let before = folder.read_result(cell)?.map(|result| result.outcome);
+    match before {
+        Some(Outcome::Done(_)) => {
+            return Ok(print::line(&format!("{} is done already", cell.id))?);
+        }
+        Some(Outcome::Failed { .. }) if !command.retry_failed => {
+            let text = format!("{} failed already; --retry-failed runs it again", cell.id);
+            return Ok(print::line(&text)?);
+        }
+        _ => {}
     }
     let worker = worker(&this_program()?, &folder, cell, search);
     match run_in_process(&folder, cell, worker, &|| false)? {

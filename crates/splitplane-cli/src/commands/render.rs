@@ -8,7 +8,7 @@ use splitplane::{TREES, TreeChoice};
 use splitplane_lab::{LabError, Layouts, Preset, RenderTime, record, write_records};
 use splitplane_render::output::{write_bytes, write_exr, write_png};
 use splitplane_render::render::{Checkpoint, Partial, Progress, render_from};
-use splitplane_render::scene::Scene;
+use splitplane_render::scene::{Instancing, Scene};
 
 use crate::args::{RenderCommand, TreeSource, layout};
 use crate::failure::{Failure, writable_folder, writable_place};
@@ -26,7 +26,12 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
     settings.layouts = Layouts::both(layout(command.layout, settings.traversal));
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
-    let scene = scene::load(&command.scene, quiet)?;
+    let instances = match command.tree {
+        // A saved tree is that of one mesh.
+        Some(TreeSource::Saved(_)) => Instancing::Flattened,
+        _ => command.instances.how(),
+    };
+    let scene = scene::load(&command.scene, instances, quiet)?;
     command
         .picture
         .apply(&mut settings.render, (scene.film.width, scene.film.height));
@@ -34,7 +39,7 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
         Some(tree) => tree.clone(),
         None => TreeSource::Built(tree_of(&scene, quiet)?),
     };
-    let built = scene::tree(&source, &scene.mesh, &command.build, &mut settings, &bar)?;
+    let built = scene::trees(&source, &scene, &command.build, &mut settings, &bar)?;
     let tree = built.tree.choice();
     let made = match source {
         TreeSource::Built(_) => "built",
@@ -57,8 +62,9 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
         places: [path("png"), path("exr"), unfinished.clone()],
         last: Mutex::new(Instant::now()),
     };
-    let picture = render_from(&scene, &built.tree, &settings.render, from, &writing)
-        .map_err(LabError::from)?;
+    let trees = built.in_layout(settings.layouts.counted);
+    let picture =
+        render_from(&scene, trees, &settings.render, from, &writing).map_err(LabError::from)?;
     progress::clear();
 
     write_png(&path("png"), &picture)?;
@@ -171,8 +177,12 @@ impl Progress for Writing<'_> {
         let written = write_png(png, &partial.picture)
             .and_then(|()| write_exr(exr, &partial.picture))
             .and_then(|()| write_bytes(unfinished, &partial.checkpoint.to_bytes()));
-        if let Err(error) = written {
-            print::warning(&error.to_string());
+        match written {
+            Ok(()) => progress::advise(format!(
+                "{} is what there was a moment ago; --resume goes on from it",
+                png.display()
+            )),
+            Err(error) => print::warning(&error.to_string()),
         }
         *self.last() = Instant::now();
     }

@@ -2,6 +2,7 @@
 
 use splitplane::Layout;
 use splitplane_lab::{Preset, Slice, SliceSettings};
+use splitplane_render::scene::Instancing;
 
 use crate::args::SliceCommand;
 use crate::failure::{Failure, writable_place};
@@ -15,7 +16,7 @@ pub fn run(command: &SliceCommand) -> Result<(), Failure> {
     let mut settings = command.build.settings(Preset::Default, &command.general);
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
-    let scene = scene::load(&command.scene, quiet)?;
+    let scene = scene::load(&command.scene, Instancing::Flattened, quiet)?;
     let built = scene::tree(
         &command.tree,
         &scene.mesh,

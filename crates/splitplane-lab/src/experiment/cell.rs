@@ -133,6 +133,7 @@ impl Conditions {
         or(self.empty_bonus, &mut params.empty_bonus);
         params.max_prims = self.max_prims.unwrap_or(params.max_prims);
         params.seed = self.seed.unwrap_or(params.seed);
+        params.check().map_err(|error| error.to_string())?;
         if let Some(traversal) = &self.traversal {
             settings.traversal = traversal_named(traversal).map_err(text)?;
         }

@@ -64,10 +64,14 @@ pub struct SceneEntry {
     pub if_found: bool,
     /// Subdivision level of its surfaces.
     pub subdivide: Option<u32>,
+    /// Copies of objects become a part of the mesh, so that one tree has all of the scene.
+    pub flatten: bool,
     /// Values of `$name` in its file.
     pub define: BTreeMap<String, String>,
     /// Conditions that hold for this scene in place of the grid's.
     pub conditions: Table,
+    /// Line and column in the experiment's file, from 1.
+    pub place: (u32, u32),
 }
 
 #[derive(Deserialize)]
@@ -110,11 +114,20 @@ struct SceneTable {
     if_found: bool,
     subdivide: Option<u32>,
     #[serde(default)]
+    flatten: bool,
+    #[serde(default)]
     define: BTreeMap<String, String>,
 }
 
 /// The keys of a scene's table that are no conditions.
-const SCENE_KEYS: [&str; 5] = ["name", "label", "if_found", "subdivide", "define"];
+const SCENE_KEYS: [&str; 6] = [
+    "name",
+    "label",
+    "if_found",
+    "subdivide",
+    "flatten",
+    "define",
+];
 /// The axis of the numbers of directions.
 const K: &str = "k";
 const MOST_REPETITIONS: u32 = 1000;
@@ -207,14 +220,6 @@ impl File {
     }
 }
 
-/// The values of an axis: those of an array, or the one.
-fn values(axis: &Value) -> Vec<Value> {
-    match axis {
-        Value::Array(values) => values.clone(),
-        value => vec![value.clone()],
-    }
-}
-
 /// The file that is read, for errors.
 struct Place<'a> {
     path: &'a Path,
@@ -223,23 +228,33 @@ struct Place<'a> {
 
 impl Place<'_> {
     fn error(&self, span: Option<std::ops::Range<usize>>, message: &str) -> LabError {
-        let (line, column) = match span {
-            None => (0, 0),
-            Some(span) => {
-                let before = self.text.get(..span.start).unwrap_or_default();
-                let line = before.rsplit('\n').next().unwrap_or_default();
-                (
-                    1 + before.matches('\n').count() as u32,
-                    1 + line.chars().count() as u32,
-                )
-            }
-        };
+        let (line, column) = span.map_or((0, 0), |span| self.line_and_column(span.start));
         LabError::Experiment(Box::new(ExperimentError {
             file: self.path.to_owned(),
             line,
             column,
-            message: message.trim().replace('\n', "; "),
+            message: in_words(&message.trim().replace('\n', "; ")),
         }))
+    }
+
+    fn line_and_column(&self, offset: usize) -> (u32, u32) {
+        let before = self.text.get(..offset).unwrap_or_default();
+        let line = before.rsplit('\n').next().unwrap_or_default();
+        (
+            1 + before.matches('\n').count() as u32,
+            1 + line.chars().count() as u32,
+        )
+    }
+
+    /// The values of an axis: those of an array, or the one.
+    fn values(&self, axis: &Spanned<Value>) -> Result<Vec<Value>, LabError> {
+        match axis.get_ref() {
+            Value::Array(values) if values.is_empty() => {
+                Err(self.error(Some(axis.span()), "an axis has at least one value"))
+            }
+            Value::Array(values) => Ok(values.clone()),
+            value => Ok(vec![value.clone()]),
+        }
     }
 
     fn numbers_of_directions(&self, axis: Option<Spanned<Value>>) -> Result<Vec<u32>, LabError> {
@@ -253,7 +268,8 @@ impl Place<'_> {
                 self.error(Some(axis.span()), accepted)
             })
         };
-        values(axis.get_ref()).into_iter().map(number).collect()
+        let values = self.values(&axis)?;
+        values.into_iter().map(number).collect()
     }
 
     /// The trees; those that take a number of directions and are given without it, once for each
@@ -299,10 +315,7 @@ impl Place<'_> {
     ) -> Result<Vec<Table>, LabError> {
         let mut all = vec![Table::new()];
         for (name, axis) in axes {
-            let values = values(axis.get_ref());
-            if values.is_empty() {
-                return Err(self.error(Some(axis.span()), "an axis has at least one value"));
-            }
+            let values = self.values(axis)?;
             for value in &values {
                 let alone = Table::from_iter([(name.clone(), value.clone())]);
                 self.check(&alone, axis.span())?;
@@ -357,17 +370,49 @@ impl Place<'_> {
             label: own.label,
             if_found: own.if_found,
             subdivide: own.subdivide,
+            flatten: own.flatten,
             define: own.define,
             conditions,
+            place: self.line_and_column(given.span().start),
         })
     }
 }
 
 /// A table as conditions.
 pub(super) fn conditions(table: &Table) -> Result<Conditions, String> {
-    Value::Table(table.clone())
-        .try_into()
-        .map_err(|error: toml::de::Error| error.message().to_owned())
+    let read = |table: Table| Value::Table(table).try_into::<Conditions>();
+    for (name, value) in table {
+        // Alone, so that the one that is wrong can be named.
+        if let Err(error) = read(Table::from_iter([(name.clone(), value.clone())])) {
+            let message = error.message();
+            return Err(match message.starts_with("unknown") {
+                true => message.to_owned(),
+                false => format!("{name}: {message}"),
+            });
+        }
+    }
+    read(table.clone()).map_err(|error| error.message().to_owned())
+}
+
+/// What serde says of a value, without the names of Rust's types.
+fn in_words(message: &str) -> String {
+    for (name, words) in [
+        ("u16", "a whole number from 0 to 65535"),
+        ("u32", "a whole number, not below 0"),
+        ("u64", "a whole number, not below 0"),
+        ("f64", "a number"),
+        ("a boolean", "true or false"),
+        ("a string", "a text in quotes"),
+        ("a sequence", "an array, in [ ]"),
+    ] {
+        if let Some(start) = message.strip_suffix(&format!("expected {name}")) {
+            return format!("{start}expected {words}");
+        }
+    }
+    message.replace(
+        "data did not match any variant of untagged enum Size",
+        "a size is a width, or a text like \"800x600\"",
+    )
 }
 
 /// What is wrong with an experiment's file, and where.
@@ -451,6 +496,20 @@ spp = 1
                 "max_prims = []",
                 "10:13",
                 "at least one",
+            ),
+            ("k = [2, 6]", "k = []", "8:5", "at least one"),
+            (
+                "max_prims = [1, 4]",
+                "max_prims = \"one\"",
+                "10:13",
+                "max_prims: invalid type: string \"one\", expected a whole number",
+            ),
+            ("max_prims = [1, 4]", "alpha = -1.0", "10:9", "alpha"),
+            (
+                "max_prims = [1, 4]",
+                "resolution = true",
+                "10:14",
+                "800x600",
             ),
             ("title = ", "titel = ", "2:1", "title"),
             ("[\"truck\", {", "[7, {", "4:11", "a scene is"),

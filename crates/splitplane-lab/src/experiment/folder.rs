@@ -137,7 +137,12 @@ impl Folder {
     /// # Errors
     /// There is none, or it is damaged.
     pub fn read_plan(&self) -> Result<Plan, LabError> {
-        read_json(&self.plan())
+        match self.plan().exists() {
+            true => read_json(&self.plan()),
+            false => Err(LabError::NoPlan {
+                path: self.path.clone(),
+            }),
+        }
     }
 
     /// The result of a cell, if there is one.

@@ -24,5 +24,5 @@ pub use plan::{Plan, PlannedScene, SceneFacts};
 pub(crate) use results::write_file;
 pub use results::{Results, Variance};
 pub use schedule::{Events, Remaining, Schedule, run_all};
-pub use supervise::{Ended, NOT_WRITTEN, run_cell};
+pub use supervise::{Ended, NOT_ABLE, run_cell};
 pub use work::work;

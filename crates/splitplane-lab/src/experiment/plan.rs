@@ -5,11 +5,12 @@ use std::io::Write;
 use std::path::PathBuf;
 
 use serde::{Deserialize, Serialize};
-use splitplane_render::scene::{LoadOptions, Scene, load};
+use splitplane::Mesh;
+use splitplane_render::scene::{Instancing, LoadOptions, Scene, load};
 use toml::Table;
 
 use super::cell::{Cell, Conditions, Program, digest};
-use super::file::{Experiment, SceneEntry, conditions};
+use super::file::{Experiment, ExperimentError, SceneEntry, conditions};
 use super::folder::Folder;
 use crate::{LabError, write_whole};
 
@@ -35,6 +36,8 @@ pub struct Plan {
     pub source: String,
     /// The experiment's file.
     pub file: PathBuf,
+    /// Folders in which scenes were looked for besides the usual ones; absolute.
+    pub search: Vec<PathBuf>,
     /// Whether `--quick` put other things in place of the file's.
     pub quick: bool,
 }
@@ -44,10 +47,12 @@ pub struct Plan {
 pub struct PlannedScene {
     /// Its name in tables.
     pub label: String,
-    /// Its name on the scene search path, or its file.
+    /// Its name on the scene search path, or its file; absolute, since cells are run anywhere.
     pub name: String,
     /// Subdivision level of its surfaces, where the experiment says one.
     pub subdivide: Option<u32>,
+    /// Copies of objects become a part of the mesh.
+    pub flatten: bool,
     /// Values of `$name` in its file.
     pub define: BTreeMap<String, String>,
     /// What is known of it.
@@ -83,35 +88,57 @@ pub struct SceneFacts {
 impl SceneFacts {
     /// What is known of `scene`.
     pub fn of(scene: &Scene) -> SceneFacts {
-        let mesh = &scene.mesh;
-        let along_an_axis = |&&triangle: &&u32| {
+        // Triangles of objects count once.
+        let along_an_axis = |mesh: &Mesh, triangle: u32| {
             let normal = mesh.normal(triangle);
             normal.iter().any(|c| c.abs() > 1.0 - 1e-6)
         };
-        let usable = mesh.usable_triangles();
-        let aligned = usable.iter().filter(along_an_axis).count();
+        let usable: usize = scene
+            .meshes()
+            .map(|mesh| mesh.usable_triangles().len())
+            .sum();
+        let aligned = |mesh: &Mesh| {
+            let usable = mesh.usable_triangles().iter();
+            usable
+                .filter(|&&triangle| along_an_axis(mesh, triangle))
+                .count()
+        };
+        let aligned: usize = scene.meshes().map(aligned).sum();
         let settings = format!(
             "{:?} {:?} {:?} {:?} {:?}",
             scene.camera, scene.film, scene.sampler, scene.filter, scene.integrator
         );
+        let instances = match scene.instances.as_slice() {
+            [] => String::new(),
+            instances => format!("{instances:?}"),
+        };
         let emitters = (scene.shapes.iter())
             .filter(|shape| shape.area_light.is_some())
             .count();
         SceneFacts {
             name: scene.name.clone(),
-            triangles: mesh.triangles().len() as u64,
-            triangles_skipped: mesh.skipped().total() as u64,
-            axis_aligned: aligned as f64 / usable.len().max(1) as f64,
+            triangles: scene.triangles(),
+            triangles_skipped: scene
+                .meshes()
+                .map(|mesh| mesh.skipped().total() as u64)
+                .sum(),
+            axis_aligned: aligned as f64 / usable.max(1) as f64,
             materials: scene.materials.len() as u64,
             lights: (scene.lights.len() + emitters) as u64,
             size: (scene.film.width, scene.film.height),
             spp: scene.sampler.samples_per_pixel,
-            digest: digest([
-                bytemuck::cast_slice(mesh.positions()),
-                bytemuck::cast_slice(mesh.triangles()),
-                bytemuck::cast_slice(&scene.normals),
-                settings.as_bytes(),
-            ]),
+            digest: digest(
+                (scene.meshes())
+                    .flat_map(|mesh| {
+                        [
+                            bytemuck::cast_slice(mesh.positions()),
+                            bytemuck::cast_slice(mesh.triangles()),
+                        ]
+                    })
+                    .chain([bytemuck::cast_slice(&scene.normals), settings.as_bytes()])
+                    .chain((scene.objects.iter()).map(|o| bytemuck::cast_slice(&o.normals)))
+                    .chain([instances.as_bytes()]),
+            ),
             warnings: (scene.notes.iter().filter(|note| note.warning))
                 .map(|note| note.text.clone())
                 .collect(),
@@ -125,7 +152,13 @@ impl PlannedScene {
     /// # Errors
     /// It cannot be read, or is not the one that was planned.
     pub fn load(&self, search: &[PathBuf]) -> Result<Scene, LabError> {
-        let scene = load_with(&self.name, self.subdivide, &self.define, search)?;
+        let scene = load_with(
+            &self.name,
+            self.subdivide,
+            self.flatten,
+            &self.define,
+            search,
+        )?;
         if SceneFacts::of(&scene).digest == self.facts.digest {
             Ok(scene)
         } else {
@@ -139,6 +172,7 @@ impl PlannedScene {
 fn load_with(
     name: &str,
     subdivide: Option<u32>,
+    flatten: bool,
     define: &BTreeMap<String, String>,
     search: &[PathBuf],
 ) -> Result<Scene, LabError> {
@@ -146,6 +180,10 @@ fn load_with(
         defines: define.clone(),
         search: search.to_vec(),
         subdivision_levels: subdivide,
+        instances: match flatten {
+            true => Instancing::Flattened,
+            false => Instancing::Kept,
+        },
     };
     Ok(load(name, &options)?)
 }
@@ -167,9 +205,24 @@ impl Plan {
         let program = Program::this();
         let mut notes = experiment.notes.clone();
         let mut scenes: Vec<(PlannedScene, &SceneEntry)> = Vec::new();
+        let wrong = |entry: &SceneEntry, message: String| {
+            let (line, column) = entry.place;
+            LabError::Experiment(Box::new(ExperimentError {
+                file: file.clone(),
+                line,
+                column,
+                message,
+            }))
+        };
         for entry in &experiment.scenes {
             reading(&entry.name);
-            let loaded = load_with(&entry.name, entry.subdivide, &entry.define, search);
+            let loaded = load_with(
+                &entry.name,
+                entry.subdivide,
+                entry.flatten,
+                &entry.define,
+                search,
+            );
             let scene = match loaded {
                 Ok(scene) => scene,
                 // An error in a scene that is there is one all the same.
@@ -177,17 +230,28 @@ impl Plan {
                     notes.push(format!("{} is not here and was left out", entry.name));
                     continue;
                 }
+                Err(LabError::Scene(error)) if error.line == 0 => {
+                    return Err(wrong(entry, error.to_string()));
+                }
                 Err(error) => return Err(error),
             };
             let facts = SceneFacts::of(&scene);
             let label = entry.label.clone().unwrap_or_else(|| facts.name.clone());
             if scenes.iter().any(|(scene, _)| scene.label == label) {
-                return Err(LabError::SameLabel { label });
+                let message =
+                    format!("two scenes are called \"{label}\"; give this one another label");
+                return Err(wrong(entry, message));
             }
+            let file = std::path::absolute(&entry.name)
+                .ok()
+                .filter(|file| file.is_file());
             let planned = PlannedScene {
                 label,
-                name: entry.name.clone(),
+                name: file.map_or(entry.name.clone(), |file| {
+                    file.to_string_lossy().into_owned()
+                }),
                 subdivide: entry.subdivide,
+                flatten: entry.flatten,
                 define: entry.define.clone(),
                 facts,
             };
@@ -224,6 +288,10 @@ impl Plan {
             notes,
             source,
             file,
+            search: search
+                .iter()
+                .filter_map(|folder| std::path::absolute(folder).ok())
+                .collect(),
             quick,
         })
     }
@@ -236,6 +304,7 @@ impl Plan {
         let found = self.scenes.iter().find(|scene| scene.label == label);
         found.ok_or_else(|| LabError::NotPlanned {
             what: format!("scene {label}"),
+            planned: format!("scenes are {}", self.labels().join(", ")),
         })
     }
 
@@ -248,7 +317,18 @@ impl Plan {
         let by_place = || self.cells.get(named.parse::<usize>().ok()?);
         by_id.or_else(by_place).ok_or_else(|| LabError::NotPlanned {
             what: format!("cell {named}"),
+            planned: format!(
+                "cells are 0 to {}, or the ids of plan.json",
+                self.cells.len().saturating_sub(1)
+            ),
         })
+    }
+
+    fn labels(&self) -> Vec<&str> {
+        self.scenes
+            .iter()
+            .map(|scene| scene.label.as_str())
+            .collect()
     }
 
     /// Writes the plan into the folder.

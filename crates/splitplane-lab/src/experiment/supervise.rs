@@ -10,9 +10,10 @@ use super::folder::{CellResult, Folder, Outcome};
 use crate::LabError;
 use crate::run::Run;
 
-/// The exit code of a process that could not write what it should: not the cell's fault, and
-/// nothing that the next cell would do better.
-pub const NOT_WRITTEN: u8 = 74;
+/// The exit code of a process that lacked what it takes to run the cell (its scene is not there, the
+/// plan is another program's, nothing can be written): not the cell's fault, so it has no result,
+/// and nothing that the next cell would do better.
+pub const NOT_ABLE: u8 = 74;
 /// The exit code of a process that was interrupted.
 const INTERRUPTED: i32 = 130;
 /// How often a process is looked at.
@@ -72,7 +73,7 @@ pub fn run_cell(
         Wait::Exited(status) if was_interrupted(status) => return Ok(Ended::Interrupted),
         Wait::Exited(status) => {
             let said = last_words(&err);
-            if status.code() == Some(i32::from(NOT_WRITTEN)) {
+            if status.code() == Some(i32::from(NOT_ABLE)) {
                 return Err(LabError::Worker { reason: said });
             }
             failed(reason(status, &said))

@@ -29,7 +29,7 @@ pub fn work(
         });
     }
     let planned = plan.scene(&cell.scene)?;
-    let scene = planned.load(search)?;
+    let scene = planned.load(&[search, &plan.search].concat())?;
     let conditions = |message| LabError::Conditions {
         scene: cell.scene.clone(),
         message,

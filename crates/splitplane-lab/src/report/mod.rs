@@ -128,8 +128,17 @@ impl Report {
         };
         let quick = if plan.quick { " --quick" } else { "" };
         let file = plan.file.display().to_string();
+        let quick_note = plan.quick.then(|| {
+            "This is the quick run of the experiment, with what the table [quick] of its file puts in \
+             place of the rest: it shows what the experiment measures. Figures for a text come from \
+             the full one."
+                .to_owned()
+        });
         Ok(Report {
-            title: plan.title.clone(),
+            title: match plan.quick {
+                true => format!("{}, in short", plan.title),
+                false => plan.title.clone(),
+            },
             description: plan.description.clone(),
             groups,
             scenes: (plan.scenes.iter())
@@ -144,7 +153,7 @@ impl Report {
                     .map(|(cell, reason)| (told(cell), reason.to_owned()))
                     .collect(),
                 variances: results.variances().iter().map(|v| v.to_string()).collect(),
-                notes: plan.notes.clone(),
+                notes: (quick_note.iter().cloned().chain(plan.notes.iter().cloned())).collect(),
             },
             method: Method {
                 program: plan.program.clone(),

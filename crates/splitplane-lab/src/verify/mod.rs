@@ -209,7 +209,7 @@ fn in_all_layouts(
     for &choice in choices {
         let binary = build(mesh, choice, settings, &())?.tree;
         for layout in Layout::ALL {
-            let tree = binary.clone().with_layout(layout);
+            let tree = Tree::clone(&binary).with_layout(layout);
             trees.push(tree.map_err(|source| LabError::Build {
                 tree: choice.to_string(),
                 source,

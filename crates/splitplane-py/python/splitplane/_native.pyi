@@ -1,6 +1,7 @@
 """What is written in Rust: arrays in, arrays out. Contiguous arrays only; see the modules that
 use it for what the numbers mean."""
 
+from collections.abc import Sequence
 from typing import final
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 __version__: str
 DEFAULT_TREE: str
 
+_Mesh = tuple[NDArray[np.float32] | NDArray[np.float64], NDArray[np.uint32]]
 _Hits = tuple[
     NDArray[np.float32],
     NDArray[np.uint32],
@@ -29,20 +31,13 @@ _Picture = tuple[
 class Tree:
     def __new__(
         cls,
-        positions: NDArray[np.float32] | NDArray[np.float64],
-        triangles: NDArray[np.uint32],
-        starts: list[int],
+        meshes: Sequence[_Mesh],
         tree: str,
         layout: str,
         nthreads: int,
     ) -> Tree: ...
     @staticmethod
-    def load(
-        path: str,
-        positions: NDArray[np.float32] | NDArray[np.float64],
-        triangles: NDArray[np.uint32],
-        starts: list[int],
-    ) -> Tree: ...
+    def load(path: str, meshes: Sequence[_Mesh]) -> Tree: ...
     def save(self, path: str) -> None: ...
     @property
     def layout(self) -> str: ...

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import html
 import json
+import operator
 import os
 from collections.abc import Sequence
 from typing import Any
@@ -15,18 +16,37 @@ from . import _native
 
 __all__ = ["Array", "Card", "RaycastingScene"]
 
+MAX_THREADS = 4096
+"""More would be a mistake."""
+
 
 class Array(np.ndarray[Any, Any]):
-    """A NumPy array that also answers to ``.numpy()``, as the tensors of Open3D do."""
+    """A NumPy array that also answers to what is mostly asked of Open3D's tensors."""
 
     def numpy(self) -> NDArray[Any]:
         """The plain array."""
         return self.view(np.ndarray)
 
+    def cpu(self) -> Array:
+        """The array itself."""
+        return self
+
+    def isfinite(self) -> Array:
+        """Whether each number is neither infinite nor NaN; of ``t_hit``, whether there is a hit."""
+        return np.isfinite(self).view(Array)
+
+    def isinf(self) -> Array:
+        """Whether each number is infinite."""
+        return np.isinf(self).view(Array)
+
+    def isnan(self) -> Array:
+        """Whether each number is NaN."""
+        return np.isnan(self).view(Array)
+
 
 class Card(dict[str, Any]):
-    """What is known of a tree: its size, shape and expected cost, as a dictionary that shows
-    itself as a table."""
+    """What is known of a tree as it was built, its size, shape and expected cost, as a dictionary
+    that shows itself as a table; ``wide`` is what is known of it in the wide layout."""
 
     def _rows(self) -> list[tuple[str, str]]:
         nodes = self["nodes"]
@@ -34,7 +54,7 @@ class Card(dict[str, Any]):
         skipped = self["skipped_not_finite"] + self["skipped_degenerate"]
         triangles = f"{self['triangles']:,}" + (f" ({skipped:,} skipped)" if skipped else "")
         interior = nodes["kd"] + nodes["oblique"]
-        return [
+        rows = [
             ("tree", tree),
             ("triangles", triangles),
             ("interior nodes", f"{interior:,} ({nodes['oblique']:,} oblique)"),
@@ -48,6 +68,10 @@ class Card(dict[str, Any]):
             ("size", f"{self['tree_bytes'] / 1e6:.3g} MB"),
             ("built in", f"{self['build_s']:.3g} s"),
         ]
+        if wide := self["wide"]:
+            nodes = f"{wide['nodes']:,} nodes, {wide['leaves']:,} leaves"
+            rows.append(("wide layout", f"{nodes}, {wide['bytes'] / 1e6:.3g} MB"))
+        return rows
 
     def __repr__(self) -> str:
         rows = self._rows()
@@ -72,9 +96,20 @@ def _plain(values: object) -> NDArray[Any]:
     return np.asarray(values)
 
 
+def threads(nthreads: int) -> int:
+    """The number of threads, checked."""
+    count = operator.index(nthreads)
+    if not 0 <= count <= MAX_THREADS:
+        raise ValueError(f"nthreads must be 0 (one per core) to {MAX_THREADS}, not {count}")
+    return count
+
+
 def numbers(values: object, columns: int, what: str) -> NDArray[Any]:
     """The values as an array of real numbers with that many columns, not copied."""
-    array: NDArray[Any] = _plain(values)
+    try:
+        array: NDArray[Any] = _plain(values)
+    except ValueError as error:
+        raise ValueError(f"{what} must have the shape (..., {columns}): {error}") from None
     if array.dtype.kind not in "fiu":
         raise TypeError(f"{what} must be real numbers, not {array.dtype}")
     if array.ndim < 1 or array.shape[-1] != columns:
@@ -131,6 +166,7 @@ class RaycastingScene:
 
     Args:
         nthreads: Threads, for building and for queries that do not say otherwise; 0: one per core.
+        device: There for Open3D's sake; the CPU.
         tree: The name of the tree; see :func:`splitplane.trees`.
         layout: How its nodes are stored: "wide", for speed, or "binary", as it was built, whose
             counts can be compared with those of papers.
@@ -141,68 +177,60 @@ class RaycastingScene:
     def __init__(
         self,
         nthreads: int = 0,
+        device: object = None,
         *,
         tree: str = _native.DEFAULT_TREE,
         layout: str = "wide",
     ) -> None:
-        self._nthreads = self._threads(nthreads)
+        if device is not None and not str(device).upper().startswith("CPU"):
+            raise ValueError(f"rays are cast on the CPU, not on {device}")
+        self._nthreads = threads(nthreads)
         self._name = tree
         self._layout = layout
-        self._vertices: list[NDArray[Any]] = []
-        self._triangles: list[NDArray[np.uint32]] = []
+        self._meshes: list[tuple[NDArray[np.float32], NDArray[np.uint32]]] = []
         self._built: _native.Tree | None = None
 
-    @staticmethod
-    def _threads(nthreads: int) -> int:
-        if nthreads < 0:
-            raise ValueError(f"nthreads must be 0 (one per core) or more, not {nthreads}")
-        return int(nthreads)
-
     def _queries(self, nthreads: int) -> int:
-        return self._threads(nthreads) or self._nthreads
+        return threads(nthreads) or self._nthreads
 
-    def add_triangles(self, vertices: object, triangles: object = None) -> int:
+    def add_triangles(
+        self,
+        vertex_positions: object = None,
+        triangle_indices: object = None,
+        *,
+        mesh: object = None,
+    ) -> int:
         """Adds a mesh.
 
         Args:
-            vertices: (N, 3) positions, or a mesh of Open3D or trimesh.
-            triangles: (M, 3) indices into them.
+            vertex_positions: (N, 3) positions; or a mesh of Open3D or trimesh, alone.
+            triangle_indices: (M, 3) indices into them.
+            mesh: A mesh of Open3D or trimesh, instead of both.
 
         Returns:
             The mesh's geometry id: 0 for the first.
         """
-        if triangles is None:
-            vertices, triangles = _of_mesh(vertices)
-        positions = numbers(vertices, 3, "vertices")
+        if mesh is not None and (vertex_positions is not None or triangle_indices is not None):
+            raise TypeError("add_triangles takes vertices and triangles, or a mesh, not both")
+        if triangle_indices is None:
+            mesh = vertex_positions if mesh is None else mesh
+            vertex_positions, triangle_indices = _of_mesh(mesh)
+        positions = numbers(vertex_positions, 3, "vertices")
         if positions.ndim != 2:
             raise ValueError(f"vertices must have the shape (N, 3), not {positions.shape}")
-        indices = _indices(triangles, "triangles")
+        indices = _indices(triangle_indices, "triangles")
         if len(indices) and indices.max() >= len(positions):
             raise ValueError(
                 f"triangles names vertex {indices.max()}, but there are {len(positions)} vertices"
             )
-        self._vertices.append(np.array(positions, dtype=np.float32))
-        self._triangles.append(indices.copy())
+        self._meshes.append((np.array(positions, dtype=np.float32, order="C"), indices.copy()))
         self._built = None
-        return len(self._triangles) - 1
-
-    def _mesh(self) -> tuple[NDArray[np.float32], NDArray[np.uint32], list[int]]:
-        """The meshes as one, and the first triangle of each."""
-        shifts = np.cumsum([0] + [len(v) for v in self._vertices])
-        starts = np.cumsum([0] + [len(t) for t in self._triangles])
-        if shifts[-1] >= 2**32 - 1 or starts[-1] >= 2**32 - 1:
-            raise ValueError("more vertices or triangles than 32-bit indices can name")
-        triangles = [t + np.uint32(s) for t, s in zip(self._triangles, shifts)]
-        return (
-            np.concatenate([np.zeros((0, 3), np.float32), *self._vertices]),
-            np.concatenate([np.zeros((0, 3), np.uint32), *triangles]),
-            [int(start) for start in starts[:-1]] or [0],
-        )
+        return len(self._meshes) - 1
 
     @property
     def _tree(self) -> _native.Tree:
         if self._built is None:
-            self._built = _native.Tree(*self._mesh(), self._name, self._layout, self._nthreads)
+            self._built = _native.Tree(self._meshes, self._name, self._layout, self._nthreads)
         return self._built
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -219,7 +247,7 @@ class RaycastingScene:
             OSError: The file cannot be read.
             ValueError: It is not a saved tree, is damaged, or is that of other meshes.
         """
-        self._built = _native.Tree.load(os.fspath(path), *self._mesh())
+        self._built = _native.Tree.load(os.fspath(path), self._meshes)
         return self
 
     def build(self) -> RaycastingScene:
@@ -232,9 +260,9 @@ class RaycastingScene:
         return Card(json.loads(self._tree.card("scene")))
 
     def __repr__(self) -> str:
-        count = sum(len(t) for t in self._triangles)
+        count = sum(len(triangles) for _, triangles in self._meshes)
         return (
-            f"<RaycastingScene of {len(self._triangles)} geometries, {count} triangles, "
+            f"<RaycastingScene of {len(self._meshes)} geometries, {count} triangles, "
             f"tree {self._built.name if self._built else self._name!r}>"
         )
 
@@ -339,9 +367,9 @@ class RaycastingScene:
         ``nsamples`` is there for Open3D's sake: which side a point is on is exact here.
         """
         flat, shape = rows(query_points, 3, "query_points")
-        threads = self._queries(nthreads)
-        distance = self._tree.closest_point(flat, threads)[1]
-        inside = self._tree.contains(flat, threads)
+        count = self._queries(nthreads)
+        distance = self._tree.closest_point(flat, count)[1]
+        inside = self._tree.contains(flat, count)
         return _shaped(np.where(inside, -distance, distance), shape)
 
     def compute_occupancy(
@@ -378,6 +406,8 @@ class RaycastingScene:
                 f"create_rays_pinhole takes {', '.join(by_matrix)}; or {', '.join(by_view)}"
             )
         width, height = int(given["width_px"]), int(given["height_px"])
+        if width < 0 or height < 0:
+            raise ValueError(f"width_px and height_px are {width} and {height}; 0 or more will do")
         if names is by_view:
             intrinsic, extrinsic = _view(
                 float(given["fov_deg"]), given["center"], given["eye"], given["up"], width, height
@@ -410,18 +440,26 @@ def _stats(counts: NDArray[np.uint32] | None, shape: tuple[int, ...]) -> dict[st
     return {name: _shaped(counts[:, i], shape) for i, name in enumerate(names)}
 
 
+def _vector(values: object, what: str) -> NDArray[np.float64]:
+    vector = np.asarray(numbers(values, 3, what), np.float64)
+    if vector.shape != (3,):
+        raise ValueError(f"{what} must have the shape (3,), not {vector.shape}")
+    return vector
+
+
 def _view(
     fov_deg: float, center: ArrayLike, eye: ArrayLike, up: ArrayLike, width: int, height: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Intrinsic and extrinsic matrix of a camera at ``eye`` that looks at ``center``."""
     focal = 0.5 * width / np.tan(0.5 * np.radians(fov_deg))
     intrinsic = np.array([[focal, 0, 0.5 * width], [0, focal, 0.5 * height], [0, 0, 1.0]])
-    at = np.asarray(_plain(eye), np.float64).reshape(3)
-    forward = np.asarray(_plain(center), np.float64).reshape(3) - at
-    forward = forward / np.linalg.norm(forward)
+    at = _vector(eye, "eye")
+    forward = _vector(center, "center") - at
     # Open3D's: the camera's y axis goes up, so that its x axis goes left.
-    left = np.cross(np.asarray(_plain(up), np.float64).reshape(3), forward)
-    left = left / np.linalg.norm(left)
+    left = np.cross(_vector(up, "up"), forward)
+    if not np.linalg.norm(left) > 0:
+        raise ValueError("eye and center must differ, and up must point aside of the line of sight")
+    forward, left = forward / np.linalg.norm(forward), left / np.linalg.norm(left)
     extrinsic = np.eye(4)
     extrinsic[:3, :3] = [left, np.cross(forward, left), forward]
     extrinsic[:3, 3] = -extrinsic[:3, :3] @ at

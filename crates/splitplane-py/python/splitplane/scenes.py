@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from . import _native
-from .raycasting import Card, RaycastingScene
+from .raycasting import Card, RaycastingScene, threads
 
 __all__ = ["Note", "Scene", "TreeKind", "compare", "load_scene", "render", "trees"]
 
@@ -52,7 +52,7 @@ class Scene:
 
     def __init__(self, scene: _native.Scene) -> None:
         self._scene = scene
-        self._trees: dict[str, _native.Tree] = {}
+        self._trees: dict[tuple[str, str], _native.Tree] = {}
 
     @property
     def name(self) -> str:
@@ -74,14 +74,20 @@ class Scene:
         """What was approximated or could not be used, with its place."""
         return [Note(*note) for note in self._scene.notes]
 
-    def _tree(self, tree: str, nthreads: int) -> _native.Tree:
-        if tree not in self._trees:
-            self._trees[tree] = self._scene.build(tree, "binary", nthreads)
-        return self._trees[tree]
+    def _tree(self, tree: str, layout: str, nthreads: int) -> _native.Tree:
+        if (tree, layout) not in self._trees:
+            self._trees[tree, layout] = self._scene.build(tree, layout, threads(nthreads))
+        return self._trees[tree, layout]
 
-    def card(self, tree: str = _native.DEFAULT_TREE, *, nthreads: int = 0) -> Card:
+    def card(
+        self,
+        tree: str = _native.DEFAULT_TREE,
+        *,
+        layout: str = "wide",
+        nthreads: int = 0,
+    ) -> Card:
         """The tree card of that tree over the scene's mesh."""
-        return Card(json.loads(self._tree(tree, nthreads).card(self.name)))
+        return Card(json.loads(self._tree(tree, layout, nthreads).card(self.name)))
 
     def raycasting(
         self,
@@ -102,9 +108,9 @@ class Scene:
 def load_scene(
     name_or_path: str | os.PathLike[str], *, search: Iterable[str | os.PathLike[str]] = ()
 ) -> Scene:
-    """Reads a scene: a ``.pbrt`` file of pbrt-v3, a ``.ply``, ``.obj`` or ``.stl`` file, or a
-    scene by its name: ``truck``, ``arcade:100000``, ``grove:100000``, and those of the folders of
-    ``search`` and of the variable ``SPLITPLANE_SCENES``.
+    """Reads a scene: a ``.pbrt`` file of pbrt-v3 or v4, a glTF, ``.ply``, ``.obj`` or ``.stl``
+    file, or a scene by its name: ``truck``, ``arcade:100000``, ``grove:100000``, and those of the
+    folders of ``search`` and of the variable ``SPLITPLANE_SCENES``.
 
     Raises:
         ValueError: There is no such scene, or its files are wrong; the message tells where.
@@ -120,9 +126,10 @@ def _picture(
     crop: Crop | None,
     max_depth: int | None,
 ) -> tuple[int, int, int | None, tuple[int, int] | None, Crop | None, int | None]:
-    if nthreads < 0:
-        raise ValueError(f"nthreads must be 0 (one per core) or more, not {nthreads}")
-    return nthreads, seed, spp, resolution, crop, max_depth
+    for name, value in (("seed", seed), ("spp", spp), ("max_depth", max_depth)):
+        if value is not None and not 0 <= value < 2**32:
+            raise ValueError(f"{name} must be from 0 to {2**32 - 1}, not {value}")
+    return threads(nthreads), seed, spp, resolution, crop, max_depth
 
 
 def _loaded(scene: Scene | str | os.PathLike[str]) -> Scene:
@@ -134,6 +141,7 @@ def render(
     scene: Scene | str | os.PathLike[str],
     *,
     tree: str = ...,
+    layout: str = ...,
     spp: int | None = ...,
     resolution: tuple[int, int] | None = ...,
     crop: Crop | None = ...,
@@ -147,6 +155,7 @@ def render(
     scene: Scene | str | os.PathLike[str],
     *,
     tree: str = ...,
+    layout: str = ...,
     spp: int | None = ...,
     resolution: tuple[int, int] | None = ...,
     crop: Crop | None = ...,
@@ -159,6 +168,7 @@ def render(
     scene: Scene | str | os.PathLike[str],
     *,
     tree: str = _native.DEFAULT_TREE,
+    layout: str = "wide",
     spp: int | None = None,
     resolution: tuple[int, int] | None = None,
     crop: Crop | None = None,
@@ -172,6 +182,8 @@ def render(
     Args:
         scene: A scene, or what :func:`load_scene` takes.
         tree: The tree to render with; all give the same picture.
+        layout: "wide", for speed, or "binary", whose counts can be compared with those of papers;
+            see :class:`RaycastingScene`.
         spp: Samples per pixel, in place of the scene's.
         resolution: Width and height in pixels, in place of the scene's.
         crop: ``(x_min, x_max, y_min, y_max)`` of the part to render, in fractions.
@@ -182,13 +194,13 @@ def render(
 
     Returns:
         The picture; with ``stats`` also a dictionary: ``triangle_tests``, ``kd_visits``,
-        ``oblique_visits``, ``leaf_visits`` (height, width) of all rays of a pixel; ``depth``
-        (height, width), ``normal`` (height, width, 3); ``camera_rays``, ``bounce_rays``,
+        ``oblique_visits``, ``wide_visits``, ``leaf_visits`` (height, width) of all rays of a
+        pixel; ``depth`` (height, width), ``normal`` (height, width, 3); ``camera_rays``, ``bounce_rays``,
         ``shadow_rays``, ``samples_per_pixel`` and ``seconds``.
     """
     scene = _loaded(scene)
     picture = _picture(nthreads, seed, spp, resolution, crop, max_depth)
-    radiance, others = scene._scene.render(scene._tree(tree, nthreads), picture, stats)
+    radiance, others = scene._scene.render(scene._tree(tree, layout, nthreads), picture, stats)
     return (radiance, others) if stats else radiance
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
-from .raycasting import Card, RaycastingScene, numbers
+from .raycasting import Card, RaycastingScene, numbers, threads
 
 __all__ = ["RayMeshIntersector"]
 
@@ -54,7 +54,7 @@ class RayMeshIntersector:
         self.mesh = geometry
         self._scale_to_box = scale_to_box
         self._name, self._layout = tree, layout
-        self._nthreads = nthreads
+        self._nthreads = threads(nthreads)
         self._built: tuple[int, _native.Tree] | None = None
 
     @property
@@ -64,14 +64,8 @@ class RayMeshIntersector:
         if self._built is None or self._built[0] != state:
             vertices = np.ascontiguousarray(self.mesh.vertices, dtype=np.float64)
             faces = np.ascontiguousarray(self.mesh.faces, dtype=np.uint32)
-            tree = _native.Tree(
-                vertices.reshape(-1, 3),
-                faces.reshape(-1, 3),
-                [0],
-                self._name,
-                self._layout,
-                self._nthreads,
-            )
+            mesh = (vertices.reshape(-1, 3), faces.reshape(-1, 3))
+            tree = _native.Tree([mesh], self._name, self._layout, self._nthreads)
             self._built = (state, tree)
         return self._built[1]
 

@@ -42,7 +42,7 @@ pub fn write_exr(path: &Path, picture: &Rendered) -> Result<(), OutputError> {
     if let Some(counters) = &picture.pixel_counts {
         for (kind, counts) in [("closest", &counters.closest), ("shadow", &counters.shadow)] {
             check_size(counts.len(), width, height)?;
-            for (name, value) in COUNTERS {
+            for (name, value) in PixelCounts::NAMED {
                 let values = counts.iter().map(value).collect();
                 let name = format!("counters.{name}.{kind}");
                 channels.push(AnyChannel::new(name.as_str(), FlatSamples::U32(values)));
@@ -72,14 +72,3 @@ pub fn write_exr(path: &Path, picture: &Rendered) -> Result<(), OutputError> {
             .map_err(|error| error.to_string())
     })
 }
-
-/// A counter's name, and how to get it.
-type Counter = (&'static str, fn(&PixelCounts) -> u32);
-
-const COUNTERS: [Counter; 5] = [
-    ("triangle_tests", |c| c.triangle_tests),
-    ("kd_visits", |c| c.kd_visits),
-    ("oblique_visits", |c| c.oblique_visits),
-    ("leaf_visits", |c| c.leaf_visits),
-    ("wide_visits", |c| c.wide_visits),
-];

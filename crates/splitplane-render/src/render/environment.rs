@@ -1,17 +1,16 @@
 //! Light from all directions, sampled by how bright it is [PBRT3, 12.6 and 14.2.4].
 
-use std::f32::consts::PI;
-
 use glam::{Mat3, Vec2, Vec3};
 
 use super::sampling::luminance;
-use super::texture::azimuth;
+use crate::scene::light::SphereMap;
 use crate::scene::texture::Image;
 
 /// An infinite light.
 pub(super) struct Environment<'s> {
     radiance: Vec3,
     map: Option<&'s Image>,
+    sphere: SphereMap,
     to_world: Mat3,
     to_light: Mat3,
     distribution: Plane,
@@ -21,6 +20,7 @@ impl<'s> Environment<'s> {
     pub(super) fn new(
         radiance: Vec3,
         map: Option<&'s Image>,
+        sphere: SphereMap,
         to_world: Mat3,
         to_light: Mat3,
     ) -> Self {
@@ -30,6 +30,7 @@ impl<'s> Environment<'s> {
         let mut environment = Environment {
             radiance,
             map,
+            sphere,
             to_world,
             to_light,
             distribution: Plane::default(),
@@ -37,28 +38,25 @@ impl<'s> Environment<'s> {
         let mut weights = Vec::with_capacity(width * height);
         for y in 0..height {
             let v = (y as f32 + 0.5) / height as f32;
-            let sin_theta = (PI * v).sin();
             for x in 0..width {
-                let u = (x as f32 + 0.5) / width as f32;
-                weights.push(luminance(environment.texel(Vec2::new(u, v), blur)) * sin_theta);
+                let place = Vec2::new((x as f32 + 0.5) / width as f32, v);
+                let (_, solid_angle) = sphere.direction(place);
+                weights.push(luminance(environment.texel(place, blur)) * solid_angle);
             }
         }
         environment.distribution = Plane::new(&weights, width);
         environment
     }
 
-    /// `uv`: longitude and latitude, from 0 to 1.
+    /// `uv`: from the left and from the top, from 0 to 1.
     fn texel(&self, uv: Vec2, width: f32) -> Vec3 {
         self.map.map_or(self.radiance, |map| {
             self.radiance * map.pyramid().lookup(Vec2::new(uv.x, 1.0 - uv.y), width)
         })
     }
 
-    fn longitude_and_latitude(&self, w: Vec3) -> (Vec2, f32) {
-        let w = (self.to_light * w).normalize_or_zero();
-        let theta = w.z.clamp(-1.0, 1.0).acos();
-        let uv = Vec2::new(azimuth(w.x, w.y) / (2.0 * PI), theta / PI);
-        (uv, theta.sin())
+    fn place(&self, w: Vec3) -> Vec2 {
+        self.sphere.place((self.to_light * w).normalize_or_zero())
     }
 
     /// What comes from the direction `w`.
@@ -66,7 +64,7 @@ impl<'s> Environment<'s> {
         if self.map.is_none() {
             return self.radiance;
         }
-        self.texel(self.longitude_and_latitude(w).0, 0.0)
+        self.texel(self.place(w), 0.0)
     }
 
     /// The mean over the map.
@@ -77,25 +75,24 @@ impl<'s> Environment<'s> {
     /// A direction, what comes from it, and its density in solid angle.
     pub(super) fn sample(&self, u: Vec2) -> Option<(Vec3, Vec3, f32)> {
         let (uv, density) = self.distribution.sample(u);
-        let (theta, phi) = (PI * uv.y, 2.0 * PI * uv.x);
-        let (sin_theta, cos_theta) = theta.sin_cos();
-        let wi = Vec3::new(sin_theta * phi.cos(), sin_theta * phi.sin(), cos_theta);
-        (density > 0.0 && sin_theta > 0.0).then(|| {
+        let (wi, solid_angle) = self.sphere.direction(uv);
+        (density > 0.0 && solid_angle > 0.0).then(|| {
             (
                 self.to_world * wi,
                 self.texel(uv, 0.0),
-                density / (2.0 * PI * PI * sin_theta),
+                density / solid_angle,
             )
         })
     }
 
     /// The density with which [`Environment::sample`] draws `w`.
     pub(super) fn pdf(&self, w: Vec3) -> f32 {
-        let (uv, sin_theta) = self.longitude_and_latitude(w);
-        if sin_theta == 0.0 {
+        let place = self.place(w);
+        let (_, solid_angle) = self.sphere.direction(place);
+        if solid_angle == 0.0 {
             return 0.0;
         }
-        self.distribution.density(uv) / (2.0 * PI * PI * sin_theta)
+        self.distribution.density(place) / solid_angle
     }
 }
 
@@ -184,14 +181,19 @@ impl Plane {
 
 #[cfg(test)]
 mod tests {
+    use std::f32::consts::PI;
+
     use super::*;
     use crate::scene::texture::Wrap;
 
-    fn map() -> Image {
-        let pixels = (0..32 * 16)
+    fn pixels(count: u32) -> Vec<[f32; 3]> {
+        (0..count)
             .map(|i| [if i == 200 { 50.0 } else { (i % 7) as f32 }; 3])
-            .collect();
-        Image::new(32, 16, pixels, Wrap::Repeat)
+            .collect()
+    }
+
+    fn map() -> Image {
+        Image::new(32, 16, pixels(32 * 16), Wrap::Repeat)
     }
 
     fn turned() -> Mat3 {
@@ -201,8 +203,13 @@ mod tests {
     #[test]
     fn densities_integrate_to_one_and_are_those_of_samples() {
         let image = map();
-        for map in [None, Some(&image)] {
-            let light = Environment::new(Vec3::ONE, map, turned(), turned().transpose());
+        let square = Image::new(16, 16, pixels(16 * 16), Wrap::Clamp);
+        for (map, sphere) in [
+            (None, SphereMap::LongitudeLatitude),
+            (Some(&image), SphereMap::LongitudeLatitude),
+            (Some(&square), SphereMap::EqualArea),
+        ] {
+            let light = Environment::new(Vec3::ONE, map, sphere, turned(), turned().transpose());
             let (n, mut sum) = (1000, 0.0);
             for i in 0..n {
                 let theta = PI * (i as f32 + 0.5) / n as f32;
@@ -231,7 +238,14 @@ mod tests {
     #[test]
     fn bright_places_are_sampled_in_proportion() {
         let image = map();
-        let light = Environment::new(Vec3::ONE, Some(&image), Mat3::IDENTITY, Mat3::IDENTITY);
+        let sphere = SphereMap::LongitudeLatitude;
+        let light = Environment::new(
+            Vec3::ONE,
+            Some(&image),
+            sphere,
+            Mat3::IDENTITY,
+            Mat3::IDENTITY,
+        );
         // Radiance over density is nearly the same everywhere, but for the blur.
         let (mut estimate, n) = (0.0, 64);
         for i in 0..n * n {

@@ -2,12 +2,13 @@
 //! [PBRT3, 3.6, 3.9].
 
 use glam::{Vec2, Vec3};
-use splitplane::{Hit, Mesh, Ray};
+use splitplane::{Hit, InstanceHit, Mesh, Ray};
 
 use super::camera::Beside;
+use super::part::{InPlace, Part};
 use super::sampling::frame_around;
 use super::texture::{Footprint, Spot};
-use crate::scene::{Scene, Shape, Surface};
+use crate::scene::{Shape, Surface};
 
 /// Shadow rays end this part of their length before the light.
 const SHADOW_EPSILON: f32 = 0.0001;
@@ -38,6 +39,14 @@ impl Place {
             p: mix(weights, vertices),
             error: gamma(7) * absolute_sum(weights, vertices),
             normal,
+        }
+    }
+
+    /// The same, and so much further off.
+    fn with_error(self, error: Vec3) -> Self {
+        Place {
+            error: self.error + error,
+            ..self
         }
     }
 
@@ -120,16 +129,20 @@ pub(super) struct Interaction {
     shading_dpduv: [Vec3; 2],
     /// How the shading normal changes with u and v.
     pub(super) dnduv: [Vec3; 2],
+    /// 0: the scene's own mesh; else 1 + the index of the instance.
+    pub(super) instance: u32,
     pub(super) triangle: u32,
 }
 
 impl Interaction {
-    /// `shape` is the one that `hit.triangle` belongs to.
-    pub(super) fn new(scene: &Scene, shape: &Shape, ray: &Ray, hit: &Hit) -> Self {
-        let indices = scene.mesh.triangles()[hit.triangle as usize].map(|i| i as usize);
-        let p = scene.mesh.corners(hit.triangle).map(Vec3::from);
+    /// `shape` is the one of the part that the triangle belongs to.
+    pub(super) fn new(at: InPlace<'_>, shape: &Shape, ray: &Ray, found: &InstanceHit) -> Self {
+        let InstanceHit { hit, instance } = found;
+        let part = at.part;
+        let indices = part.mesh.triangles()[hit.triangle as usize].map(|i| i as usize);
+        let (p, error) = at.corners(hit.triangle);
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
-        let uvs = corner_uvs(scene, shape, indices);
+        let uvs = corner_uvs(part, shape, indices);
         let (dp02, dp12) = (p[0] - p[2], p[1] - p[2]);
         let (dpdu, dpdv) = along_uv(dp02, dp12, uvs)
             .filter(|(dpdu, dpdv)| dpdu.cross(*dpdv).length_squared() != 0.0)
@@ -138,7 +151,7 @@ impl Interaction {
         let mut normal = dp02.cross(dp12).normalize_or_zero();
         let mut dnduv = [Vec3::ZERO; 2];
         let shading = if shape.has_normals {
-            let n = indices.map(|i| Vec3::from(scene.normals[i]));
+            let n = indices.map(|i| at.normal(i));
             if let Some((dndu, dndv)) = along_uv(n[0] - n[2], n[1] - n[2], uvs) {
                 dnduv = [dndu, dndv];
             }
@@ -152,7 +165,7 @@ impl Interaction {
             } else {
                 normal
             };
-        } else if shape.flip_normals {
+        } else if at.flips(shape) {
             normal = -normal;
         }
         let shading_normal = shading.unwrap_or(normal);
@@ -175,13 +188,13 @@ impl Interaction {
             }
         }
         Interaction {
-            place: Place::on(weights, p, normal),
+            place: Place::on(weights, p, normal).with_error(gamma(7) * error),
             wo: -Vec3::from(ray.direction),
             uv: weights[0] * uvs[0] + weights[1] * uvs[1] + weights[2] * uvs[2],
-            color: if scene.colors.is_empty() {
+            color: if part.colors.is_empty() {
                 Vec3::ONE
             } else {
-                mix(weights, indices.map(|i| Vec3::from(scene.colors[i])))
+                mix(weights, indices.map(|i| Vec3::from(part.colors[i])))
             },
             footprint: Footprint::default(),
             dpdu,
@@ -190,6 +203,7 @@ impl Interaction {
             tangents: [s, shading_normal.cross(s)],
             shading_dpduv,
             dnduv,
+            instance: *instance,
             triangle: hit.triangle,
         }
     }
@@ -275,18 +289,18 @@ impl Interaction {
 }
 
 /// A place on a triangle, for textures that decide whether there is anything.
-pub(super) fn spot_of(scene: &Scene, shape: &Shape, hit: &Hit) -> Spot {
-    let indices = scene.mesh.triangles()[hit.triangle as usize].map(|i| i as usize);
-    let p = scene.mesh.corners(hit.triangle).map(Vec3::from);
+pub(super) fn spot_of(at: InPlace<'_>, shape: &Shape, hit: &Hit) -> Spot {
+    let indices = at.part.mesh.triangles()[hit.triangle as usize].map(|i| i as usize);
+    let (p, _) = at.corners(hit.triangle);
     let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
-    let uvs = corner_uvs(scene, shape, indices);
+    let uvs = corner_uvs(at.part, shape, indices);
     let uv = weights[0] * uvs[0] + weights[1] * uvs[1] + weights[2] * uvs[2];
     Spot::point(mix(weights, p), uv)
 }
 
-fn corner_uvs(scene: &Scene, shape: &Shape, indices: [usize; 3]) -> [Vec2; 3] {
+fn corner_uvs(part: &Part<'_>, shape: &Shape, indices: [usize; 3]) -> [Vec2; 3] {
     if shape.has_uvs {
-        indices.map(|i| Vec2::from(scene.uvs[i]))
+        indices.map(|i| Vec2::from(part.uvs[i]))
     } else {
         [Vec2::ZERO, Vec2::X, Vec2::ONE]
     }

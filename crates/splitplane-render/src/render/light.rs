@@ -3,13 +3,13 @@
 use std::f32::consts::PI;
 
 use glam::{Mat3, Vec2, Vec3};
-use splitplane::{Hit, Ray};
+use splitplane::{Hit, InstanceHit, Ray};
 
 use super::environment::Environment;
 use super::interaction::{Interaction, Place, absolute_sum, gamma};
+use super::part::{InPlace, Part};
 use super::sampling::{concentric_disk, frame_around, luminance, uniform_triangle};
-use super::texture::azimuth;
-use crate::scene::light::{AreaLight, Light};
+use crate::scene::light::{AreaLight, Light, SphereMap};
 use crate::scene::texture::Image;
 use crate::scene::{Scene, Shape, Surface};
 use crate::transform::Transform;
@@ -75,6 +75,7 @@ enum Shade<'s> {
     Goniometric {
         to_light: Mat3,
         map: Option<&'s Image>,
+        sphere: SphereMap,
     },
 }
 
@@ -103,7 +104,7 @@ impl<'s> Lights<'s> {
             sources: vec![],
             of_shape: vec![],
             infinite: vec![],
-            world_radius: scene.mesh.bounds().diagonal() / 2.0,
+            world_radius: scene.bounds().diagonal() / 2.0,
         };
         let mut others = (1..).zip(&scene.lights).peekable();
         for (index, shape) in (0..).zip(&scene.shapes) {
@@ -175,12 +176,14 @@ impl<'s> Lights<'s> {
                 to_world,
                 intensity,
                 map,
+                sphere,
             } => Source::Point {
                 position: to_world.point([0.0; 3]).into(),
                 intensity: (*intensity).into(),
                 shade: Shade::Goniometric {
                     to_light: rotation(&to_world.inverse()),
                     map: map.as_deref(),
+                    sphere: *sphere,
                 },
             },
             Light::Distant { towards, radiance } => Source::Distant {
@@ -190,12 +193,14 @@ impl<'s> Lights<'s> {
             Light::Infinite {
                 radiance,
                 map,
+                sphere,
                 to_world,
             } => {
                 self.infinite.push(number);
                 Source::Infinite(Environment::new(
                     (*radiance).into(),
                     map.as_deref(),
+                    *sphere,
                     rotation(to_world),
                     rotation(&to_world.inverse()),
                 ))
@@ -499,7 +504,12 @@ impl<'s> Lights<'s> {
             v: weights[2],
             triangle,
         };
-        Some(Interaction::new(self.scene, shape, &ray, &hit).place.normal)
+        let found = InstanceHit { hit, instance: 0 };
+        let own = InPlace {
+            part: &Part::own(self.scene),
+            to_world: None,
+        };
+        Some(Interaction::new(own, shape, &ray, &found).place.normal)
     }
 }
 
@@ -565,13 +575,19 @@ impl Shade<'_> {
                     map.pyramid().lookup(Vec2::new(st.x, 1.0 - st.y), 0.0)
                 })
             }
-            Shade::Goniometric { to_light, map } => map.map_or(Vec3::ONE, |map| {
+            Shade::Goniometric {
+                to_light,
+                map,
+                sphere,
+            } => map.map_or(Vec3::ONE, |map| {
                 let w = (*to_light * w).normalize_or_zero();
-                let st = Vec2::new(
-                    azimuth(w.x, w.z) / (2.0 * PI),
-                    1.0 - w.y.clamp(-1.0, 1.0).acos() / PI,
-                );
-                map.pyramid().lookup(st, 0.0)
+                let w = match sphere {
+                    // This one has its pole along y.
+                    SphereMap::LongitudeLatitude => Vec3::new(w.x, w.z, w.y),
+                    SphereMap::EqualArea => w,
+                };
+                let place = sphere.place(w);
+                map.pyramid().lookup(Vec2::new(place.x, 1.0 - place.y), 0.0)
             }),
         }
     }

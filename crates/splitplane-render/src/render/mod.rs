@@ -14,15 +14,17 @@ mod integrator;
 mod interaction;
 mod light;
 mod light_choice;
+mod part;
 mod sampler;
 mod sampling;
+mod sphere_map;
 mod texture;
 mod tiles;
 mod tracer;
 
 use std::ops::AddAssign;
 
-use splitplane::{Counts, Tree};
+use splitplane::{Counts, Mesh, Tree};
 
 use crate::scene::Scene;
 use crate::scene::settings::Integrator;
@@ -32,6 +34,8 @@ use film::FilmPlan;
 use integrator::World;
 pub use interaction::leave;
 use light::Lights;
+use part::Part;
+pub use part::{SceneTree, place};
 use sampler::Sequence;
 
 /// What to render otherwise than the scene says, and with which means.
@@ -126,6 +130,20 @@ pub struct PixelCounts {
     pub wide_visits: u32,
 }
 
+/// One of the counters of a pixel.
+pub type PixelCounter = fn(&PixelCounts) -> u32;
+
+impl PixelCounts {
+    /// Each counter by its name, as it is in files and in Python.
+    pub const NAMED: [(&'static str, PixelCounter); 5] = [
+        ("triangle_tests", |c| c.triangle_tests),
+        ("kd_visits", |c| c.kd_visits),
+        ("oblique_visits", |c| c.oblique_visits),
+        ("leaf_visits", |c| c.leaf_visits),
+        ("wide_visits", |c| c.wide_visits),
+    ];
+}
+
 /// [`PixelCounts`] of all pixels, row by row from the top.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct PixelCounters {
@@ -210,6 +228,14 @@ pub enum RenderError {
         /// Triangles of the scene's mesh.
         scene: usize,
     },
+    /// A tree alone, or other instances, for a scene with instances.
+    #[error(
+        "the scene has {instances} instances, and there is no tree for each where it is placed"
+    )]
+    OtherInstances {
+        /// Instances of the scene.
+        instances: usize,
+    },
     /// No threads to work with.
     #[error("cannot start {threads} threads: {reason}")]
     Threads {
@@ -229,15 +255,16 @@ pub enum RenderError {
     Cancelled,
 }
 
-/// Renders `scene` with `tree` for its rays; `tree` must be built over `scene.mesh`.
+/// Renders `scene` with `tree` for its rays: a [`Tree`] over [`Scene::mesh`], or
+/// [`splitplane::Instances`] where the scene has some; see [`SceneTree`].
 ///
 /// The result, counters included, depends on neither the number of threads nor on `progress`.
 ///
 /// # Errors
 /// Settings out of range, an inconsistent scene, another mesh's tree, or cancelled by `progress`.
-pub fn render(
+pub fn render<'t>(
     scene: &Scene,
-    tree: &Tree,
+    tree: impl Into<SceneTree<'t>>,
     settings: &RenderSettings,
     progress: &dyn Progress,
 ) -> Result<Rendered, RenderError> {
@@ -249,13 +276,14 @@ pub fn render(
 ///
 /// # Errors
 /// As [`render()`]; or the checkpoint is of another rendering.
-pub fn render_from(
+pub fn render_from<'t>(
     scene: &Scene,
-    tree: &Tree,
+    tree: impl Into<SceneTree<'t>>,
     settings: &RenderSettings,
     from: Option<Checkpoint>,
     progress: &dyn Progress,
 ) -> Result<Rendered, RenderError> {
+    let tree = tree.into();
     check(scene, tree)?;
     let plan = Plan::new(scene, settings)?;
     let pool = rayon::ThreadPoolBuilder::new()
@@ -295,18 +323,20 @@ pub fn render_from(
 }
 
 /// What a picture and its counters depend on, apart from the time that they may take.
-fn fingerprint_of(scene: &Scene, tree: &Tree, settings: &RenderSettings) -> u64 {
+fn fingerprint_of(scene: &Scene, tree: SceneTree<'_>, settings: &RenderSettings) -> u64 {
     let settings = RenderSettings {
         threads: 0,
         time: None,
         ..settings.clone()
     };
     let mesh = &scene.mesh;
+    let tree = tree.own();
     checkpoint::fingerprint(&format!(
         "{:?}",
         (
             settings,
             (mesh.triangles().len(), mesh.bounds(), &scene.name),
+            &scene.instances,
             (
                 &scene.film,
                 &scene.filter,
@@ -373,25 +403,63 @@ impl Plan {
 }
 
 /// That the parts of a scene fit each other, so that nothing is out of range later.
-fn check(scene: &Scene, tree: &Tree) -> Result<(), RenderError> {
-    let triangles = scene.mesh.triangles().len();
-    let others = tree.mesh().triangles().len();
-    if others != triangles || tree.mesh().bounds() != scene.mesh.bounds() {
-        return Err(RenderError::OtherMesh {
-            tree: others,
-            scene: triangles,
-        });
+fn check(scene: &Scene, tree: SceneTree<'_>) -> Result<(), RenderError> {
+    let objects = scene.objects.len();
+    if let Some(i) = (scene.instances.iter()).position(|i| i.object as usize >= objects) {
+        return Err(RenderError::Inconsistent(format!(
+            "instance {i} is of object {} of {objects}",
+            scene.instances[i].object
+        )));
     }
+    let instances = scene.instances.len();
+    match tree {
+        SceneTree::Tree(tree) if instances == 0 => fits(tree, &scene.mesh)?,
+        SceneTree::Instances(placed) if placed.len() == 1 + instances => {
+            fits(placed.tree(0), &scene.mesh)?;
+            for (number, instance) in (1..).zip(&scene.instances) {
+                let object = &scene.objects[instance.object as usize];
+                fits(placed.tree(number), &object.mesh)?;
+            }
+        }
+        _ => return Err(RenderError::OtherInstances { instances }),
+    }
+    if scene
+        .objects
+        .iter()
+        .flat_map(|object| &object.shapes)
+        .any(|shape| shape.area_light.is_some())
+    {
+        return Err(RenderError::Inconsistent(
+            "a shape of an object gives off light".to_owned(),
+        ));
+    }
+    Part::all(scene).try_for_each(|part| check_part(&part, scene.materials.len()))
+}
+
+/// That the tree was built over this mesh.
+fn fits(tree: &Tree, mesh: &Mesh) -> Result<(), RenderError> {
+    let (triangles, others) = (mesh.triangles().len(), tree.mesh().triangles().len());
+    if others == triangles && tree.mesh().bounds() == mesh.bounds() {
+        return Ok(());
+    }
+    Err(RenderError::OtherMesh {
+        tree: others,
+        scene: triangles,
+    })
+}
+
+fn check_part(part: &Part<'_>, materials: usize) -> Result<(), RenderError> {
+    let triangles = part.mesh.triangles().len();
     let wrong = |what: String| Err(RenderError::Inconsistent(what));
-    let vertices = scene.mesh.positions().len();
-    if !scene.colors.is_empty() && scene.colors.len() != vertices {
+    let vertices = part.mesh.positions().len();
+    if !part.colors.is_empty() && part.colors.len() != vertices {
         return wrong(format!(
             "there are colours for {} of {vertices} vertices",
-            scene.colors.len()
+            part.colors.len()
         ));
     }
     let mut next = 0;
-    for (number, shape) in scene.shapes.iter().enumerate() {
+    for (number, shape) in part.shapes.iter().enumerate() {
         if shape.triangles.start != next || shape.triangles.end < next {
             return wrong(format!(
                 "shape {number} begins at triangle {}, not at {next}",
@@ -399,16 +467,15 @@ fn check(scene: &Scene, tree: &Tree) -> Result<(), RenderError> {
             ));
         }
         next = shape.triangles.end;
-        if shape.material as usize >= scene.materials.len() {
+        if shape.material as usize >= materials {
             return wrong(format!(
-                "shape {number} has material {} of {}",
-                shape.material,
-                scene.materials.len()
+                "shape {number} has material {} of {materials}",
+                shape.material
             ));
         }
         for (has, given, what) in [
-            (shape.has_normals, scene.normals.len(), "normals"),
-            (shape.has_uvs, scene.uvs.len(), "texture coordinates"),
+            (shape.has_normals, part.normals.len(), "normals"),
+            (shape.has_uvs, part.uvs.len(), "texture coordinates"),
         ] {
             if has && given != vertices {
                 return wrong(format!(

@@ -6,12 +6,13 @@ use std::time::Instant;
 
 use glam::{Vec2, Vec3};
 use rayon::prelude::*;
-use splitplane::{Counts, Tree};
+use splitplane::Counts;
 
 use super::camera::CameraRays;
 use super::checkpoint::{Checkpoint, FirstHits, Partial};
 use super::film::{FilmPlan, FilmTile, Window};
 use super::integrator::{Gathered, Gatherer, World};
+use super::part::SceneTree;
 use super::sampler::Sequence;
 use super::sampling::luminance;
 use super::{LeafSizes, PixelCounts, Progress, RayKinds, RenderError, Rendered};
@@ -30,7 +31,7 @@ pub(super) struct Job<'j> {
     pub(super) plan: &'j FilmPlan,
     pub(super) camera: &'j CameraRays,
     pub(super) world: &'j World<'j>,
-    pub(super) tree: &'j Tree,
+    pub(super) tree: SceneTree<'j>,
     pub(super) sequence: &'j Sequence,
     /// Between samples, in pixels.
     pub(super) spacing: f32,

@@ -1,15 +1,16 @@
 //! Rays, cast and counted.
 
-use splitplane::{Counters, Counts, Hit, Ray, Tree};
+use splitplane::{Counters, Counts, InstanceHit, Ray};
 
 use super::integrator::World;
 use super::interaction::spot_of;
+use super::part::SceneTree;
 use super::texture::evaluate;
 use super::{LeafSizes, RayKinds};
 
 /// A tree, and what rays of each kind did to it; `COUNT` says whether the queries count.
 pub(super) struct Tracer<'t, const COUNT: bool> {
-    tree: &'t Tree,
+    tree: SceneTree<'t>,
     world: &'t World<'t>,
     pub(super) rays: RayKinds<u64>,
     pub(super) counts: RayKinds<Counts>,
@@ -17,7 +18,7 @@ pub(super) struct Tracer<'t, const COUNT: bool> {
 }
 
 impl<'t, const COUNT: bool> Tracer<'t, COUNT> {
-    pub(super) fn new(tree: &'t Tree, world: &'t World<'t>) -> Self {
+    pub(super) fn new(tree: SceneTree<'t>, world: &'t World<'t>) -> Self {
         Tracer {
             tree,
             world,
@@ -27,7 +28,7 @@ impl<'t, const COUNT: bool> Tracer<'t, COUNT> {
         }
     }
 
-    pub(super) fn camera(&mut self, ray: &Ray) -> Option<Hit> {
+    pub(super) fn camera(&mut self, ray: &Ray) -> Option<InstanceHit> {
         self.rays.camera += 1;
         let sizes = &mut self.tests_by_leaf_size.camera;
         if COUNT {
@@ -38,7 +39,7 @@ impl<'t, const COUNT: bool> Tracer<'t, COUNT> {
         }
     }
 
-    pub(super) fn bounce(&mut self, ray: &Ray) -> Option<Hit> {
+    pub(super) fn bounce(&mut self, ray: &Ray) -> Option<InstanceHit> {
         self.rays.bounce += 1;
         let sizes = &mut self.tests_by_leaf_size.bounce;
         if COUNT {
@@ -106,29 +107,53 @@ impl Counters for Tally<'_> {
     }
 }
 
-fn closest(tree: &Tree, world: &World<'_>, ray: &Ray, counters: &mut impl Counters) -> Option<Hit> {
-    if !world.has_alpha {
-        return tree.closest_hit(ray, counters);
+fn closest(
+    tree: SceneTree<'_>,
+    world: &World<'_>,
+    ray: &Ray,
+    counters: &mut impl Counters,
+) -> Option<InstanceHit> {
+    let own = |hit| InstanceHit { hit, instance: 0 };
+    match (tree, world.has_alpha) {
+        (SceneTree::Tree(tree), false) => tree.closest_hit(ray, counters).map(own),
+        (SceneTree::Tree(tree), true) => tree
+            .closest_hit_where(ray, |hit| is_there(world, &own(*hit), false), counters)
+            .map(own),
+        (SceneTree::Instances(instances), false) => instances.closest_hit(ray, counters),
+        (SceneTree::Instances(instances), true) => {
+            instances.closest_hit_where(ray, |found| is_there(world, found, false), counters)
+        }
     }
-    tree.closest_hit_where(ray, |hit| is_there(world, hit, false), counters)
 }
 
-fn blocked(tree: &Tree, world: &World<'_>, ray: &Ray, counters: &mut impl Counters) -> bool {
-    if !world.has_alpha {
-        return tree.any_hit(ray, counters);
+fn blocked(
+    tree: SceneTree<'_>,
+    world: &World<'_>,
+    ray: &Ray,
+    counters: &mut impl Counters,
+) -> bool {
+    let own = |hit| InstanceHit { hit, instance: 0 };
+    match (tree, world.has_alpha) {
+        (SceneTree::Tree(tree), false) => tree.any_hit(ray, counters),
+        (SceneTree::Tree(tree), true) => {
+            tree.any_hit_where(ray, |hit| is_there(world, &own(*hit), true), counters)
+        }
+        (SceneTree::Instances(instances), false) => instances.any_hit(ray, counters),
+        (SceneTree::Instances(instances), true) => {
+            instances.any_hit_where(ray, |found| is_there(world, found, true), counters)
+        }
     }
-    tree.any_hit_where(ray, |hit| is_there(world, hit, true), counters)
 }
 
 /// Whether the surface is there where a ray hits it, by its alpha textures.
-fn is_there(world: &World<'_>, hit: &Hit, for_shadow: bool) -> bool {
-    let shape = world.shape(hit.triangle);
+fn is_there(world: &World<'_>, found: &InstanceHit, for_shadow: bool) -> bool {
+    let shape = world.shape(found.instance, found.hit.triangle);
     let masks = [
         shape.alpha.as_ref(),
         shape.shadow_alpha.as_ref().filter(|_| for_shadow),
     ];
     masks.into_iter().flatten().all(|mask| {
-        let spot = spot_of(world.scene, shape, hit);
+        let spot = spot_of(world.in_place(found.instance), shape, &found.hit);
         evaluate(mask, &spot).x != 0.0
     })
 }

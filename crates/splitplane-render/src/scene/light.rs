@@ -39,8 +39,7 @@ pub enum Light {
         /// The picture; `None`: a white square.
         map: Option<Arc<Image>>,
     },
-    /// Light from a point, by directions as a picture says: longitude to the right around the y
-    /// axis, latitude downwards from it.
+    /// Light from a point, by directions as a picture says.
     Goniometric {
         /// From the light's space to the world.
         to_world: Transform,
@@ -48,6 +47,8 @@ pub enum Light {
         intensity: [f32; 3],
         /// The picture; `None`: white.
         map: Option<Arc<Image>>,
+        /// How it covers all directions; longitudes are around the y axis here.
+        sphere: SphereMap,
     },
     /// Parallel light from infinitely far.
     Distant {
@@ -60,12 +61,23 @@ pub enum Light {
     Infinite {
         /// Radiance; where the map is white, if there is one.
         radiance: [f32; 3],
-        /// What it looks like: longitude to the right around the z axis, latitude downwards from
-        /// it.
+        /// What it looks like.
         map: Option<Arc<Image>>,
+        /// How it covers all directions.
+        sphere: SphereMap,
         /// From the space of the map to the world.
         to_world: Transform,
     },
+}
+
+/// How a picture covers all directions.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SphereMap {
+    /// Longitude to the right around the z axis, latitude downwards from it: pbrt-v3's.
+    LongitudeLatitude,
+    /// A square, each part of which has the same solid angle \[Clarberg2008\]: z in its middle, x
+    /// to the right, y downwards, -z in all corners: pbrt-v4's.
+    EqualArea,
 }
 
 impl Light {
@@ -74,6 +86,7 @@ impl Light {
         Light::Infinite {
             radiance,
             map: None,
+            sphere: SphereMap::LongitudeLatitude,
             to_world: Transform::IDENTITY,
         }
     }

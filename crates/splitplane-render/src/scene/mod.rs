@@ -24,7 +24,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::PathBuf;
 
-use splitplane::Mesh;
+use splitplane::{Aabb, Mesh};
 
 use camera::Camera;
 use light::{AreaLight, Light};
@@ -33,13 +33,14 @@ use settings::{Film, Filter, Integrator, Sampler};
 use texture::TextureRef;
 
 use crate::error::SceneError;
+use crate::transform::Transform;
 
-/// A scene, ready to be rendered. All geometry is in world space.
+/// A scene, ready to be rendered. All geometry but that of [`Scene::objects`] is in world space.
 #[derive(Clone, Debug)]
 pub struct Scene {
     /// A short name, for records and file names: `killeroo-legs`, `arcade:100000`.
     pub name: String,
-    /// All triangles.
+    /// All triangles, but those of objects.
     pub mesh: Mesh,
     /// Shading normals, one per vertex of the mesh; only those of a shape with
     /// [`Shape::has_normals`] mean anything. Not of unit length: to be interpolated as they are,
@@ -53,6 +54,10 @@ pub struct Scene {
     pub colors: Vec<[f32; 3]>,
     /// What the triangles belong to: consecutive ranges that cover the mesh, in order.
     pub shapes: Vec<Shape>,
+    /// What [`Scene::instances`] place, each once; see [`LoadOptions::instances`].
+    pub objects: Vec<Object>,
+    /// Copies of objects in the scene.
+    pub instances: Vec<Instance>,
     /// The materials that shapes name.
     pub materials: Vec<Material>,
     /// The lights, apart from area lights, which belong to shapes.
@@ -75,6 +80,68 @@ pub struct Scene {
     /// What was approximated or could not be used, each once per kind, with its place; and what
     /// was tessellated and how finely.
     pub notes: Vec<Note>,
+}
+
+/// Geometry that is placed several times, in a space of its own. Objects give off no light, as in
+/// pbrt-v3.
+#[derive(Clone, Debug)]
+pub struct Object {
+    /// Its triangles.
+    pub mesh: Mesh,
+    /// As [`Scene::normals`].
+    pub normals: Vec<[f32; 3]>,
+    /// As [`Scene::uvs`].
+    pub uvs: Vec<[f32; 2]>,
+    /// As [`Scene::shapes`].
+    pub shapes: Vec<Shape>,
+}
+
+/// An object in the scene.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Instance {
+    /// Index into [`Scene::objects`].
+    pub object: u32,
+    /// From the object's space to the world.
+    pub to_world: Transform,
+}
+
+impl Scene {
+    /// The box in world space that everything lies in; that of objects as their boxes are placed.
+    pub fn bounds(&self) -> Aabb {
+        let placed = self
+            .instances
+            .iter()
+            .map(|instance| self.bounds_of(instance));
+        placed.fold(self.mesh.bounds(), |all, bounds| all.union(&bounds))
+    }
+
+    /// The box in world space around the box of an instance's object.
+    pub fn bounds_of(&self, instance: &Instance) -> Aabb {
+        let own = self.objects[instance.object as usize].mesh.bounds();
+        if own.is_empty() {
+            return own;
+        }
+        let ends = [own.min, own.max];
+        Aabb::of_points((0..8_usize).map(|corner| {
+            let p = std::array::from_fn(|axis| ends[corner >> axis & 1][axis]);
+            instance.to_world.point(p)
+        }))
+    }
+
+    /// All meshes: the scene's own, then those of the objects.
+    pub fn meshes(&self) -> impl Iterator<Item = &Mesh> {
+        std::iter::once(&self.mesh).chain(self.objects.iter().map(|object| &object.mesh))
+    }
+
+    /// How many triangles there are to be seen: those of an object as often as it is there.
+    pub fn triangles(&self) -> u64 {
+        let of = |mesh: &Mesh| mesh.triangles().len() as u64;
+        let placed = self
+            .instances
+            .iter()
+            .map(|instance| of(&self.objects[instance.object as usize].mesh));
+        of(&self.mesh) + placed.sum::<u64>()
+    }
 }
 
 /// A range of triangles with the same material and light.
@@ -169,6 +236,18 @@ pub struct LoadOptions {
     /// How often `loopsubdiv` surfaces are subdivided, at most 16, in place of what the file says.
     /// 0: the control mesh, its vertices moved to the limit surface.
     pub subdivision_levels: Option<u32>,
+    /// What becomes of copies of objects.
+    pub instances: Instancing,
+}
+
+/// What becomes of copies of objects.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Instancing {
+    /// They become a part of [`Scene::mesh`], so that one tree has all of the scene.
+    #[default]
+    Flattened,
+    /// They are [`Scene::instances`]: each object is in memory once, with a tree of its own.
+    Kept,
 }
 
 /// Reads a scene: a file of pbrt-v3 or pbrt-v4 (`.pbrt`, `.pbrt.gz`), of glTF 2.0 (`.gltf`, `.glb`),

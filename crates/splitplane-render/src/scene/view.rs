@@ -160,6 +160,8 @@ pub(crate) fn scene(
         uvs: assembled.uvs,
         colors: vec![],
         shapes: assembled.shapes,
+        objects: vec![],
+        instances: vec![],
         materials,
         lights,
         camera,

@@ -115,6 +115,8 @@ pub(crate) fn scene(parts: Vec<Part>, lights: Vec<Light>, fov: f32) -> Scene {
         uvs: vec![],
         colors: vec![],
         shapes,
+        objects: vec![],
+        instances: vec![],
         materials,
         lights,
         camera: Camera {

@@ -1,10 +1,15 @@
 #![allow(dead_code, reason = "not every example uses all of them")]
 //! Meshes and a few vectors for the examples.
 
-pub(crate) type Triangles = (Vec<[f32; 3]>, Vec<[u32; 3]>);
+use splitplane::{Mesh, MeshError};
 
 /// A closed torus around the z axis: `radius` from its centre to that of the tube.
-pub(crate) fn torus(center: [f32; 3], radius: f32, tube: f32, segments: u32) -> Triangles {
+pub(crate) fn torus(
+    center: [f32; 3],
+    radius: f32,
+    tube: f32,
+    segments: u32,
+) -> Result<Mesh, MeshError> {
     let angle = |i: u32| std::f32::consts::TAU * i as f32 / segments as f32;
     let positions = (0..segments * segments)
         .map(|i| {
@@ -26,25 +31,14 @@ pub(crate) fn torus(center: [f32; 3], radius: f32, tube: f32, segments: u32) -> 
             [[a, b, c], [a, c, d]]
         })
         .collect();
-    (positions, triangles)
+    Mesh::new(positions, triangles)
 }
 
 /// A square in the plane z = `height`, seen from above.
-pub(crate) fn floor(height: f32, half: f32) -> Triangles {
+pub(crate) fn floor(height: f32, half: f32) -> Result<Mesh, MeshError> {
     let positions = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
         .map(|(x, y): (f32, f32)| [x * half, y * half, height]);
-    (positions.to_vec(), vec![[0, 1, 2], [0, 2, 3]])
-}
-
-/// Several meshes as one.
-pub(crate) fn join(parts: impl IntoIterator<Item = Triangles>) -> Triangles {
-    let (mut positions, mut triangles) = (Vec::new(), Vec::new());
-    for (own, corners) in parts {
-        let shift = positions.len() as u32;
-        positions.extend(own);
-        triangles.extend(corners.into_iter().map(|t| t.map(|i: u32| i + shift)));
-    }
-    (positions, triangles)
+    Mesh::new(positions.to_vec(), vec![[0, 1, 2], [0, 2, 3]])
 }
 
 pub(crate) fn add(a: [f32; 3], b: [f32; 3], scale: f32) -> [f32; 3] {

@@ -112,7 +112,11 @@ impl BuildParams {
     /// entry a level.
     pub const MAX_DEPTH: u32 = 120;
 
-    pub(crate) fn check(&self) -> Result<(), BuildError> {
+    /// Whether a tree can be built with these, as [`crate::Tree::build`] asks first.
+    ///
+    /// # Errors
+    /// A number out of range.
+    pub fn check(&self) -> Result<(), BuildError> {
         let alpha = match self.oblique_pricing {
             ObliquePricing::Published { alpha } | ObliquePricing::Fork { alpha } => alpha,
         };

@@ -120,19 +120,20 @@ impl Mesh {
         Mesh::at(origin, positions.iter().map(near).collect(), triangles)
     }
 
-    fn at(
+    pub(super) fn check_count(what: &'static str, count: usize) -> Result<(), MeshError> {
+        if count > Self::MAX_COUNT {
+            return Err(MeshError::TooMany { what, count });
+        }
+        Ok(())
+    }
+
+    pub(super) fn at(
         origin: [f64; 3],
         positions: Vec<[f32; 3]>,
         triangles: Vec<[u32; 3]>,
     ) -> Result<Self, MeshError> {
-        for (what, count) in [
-            ("triangles", triangles.len()),
-            ("vertices", positions.len()),
-        ] {
-            if count > Self::MAX_COUNT {
-                return Err(MeshError::TooMany { what, count });
-            }
-        }
+        Mesh::check_count("triangles", triangles.len())?;
+        Mesh::check_count("vertices", positions.len())?;
         let mut skipped = Skipped::default();
         let mut usable = Vec::with_capacity(triangles.len());
         let (mut bounds, mut largest_triangle) = (Aabb::EMPTY, 0.0f32);

@@ -3,6 +3,7 @@
 mod aabb;
 pub(crate) mod frame;
 mod mesh;
+mod parts;
 pub(crate) mod polygon;
 pub(crate) mod polytope;
 pub(crate) mod proximity;
@@ -12,4 +13,5 @@ pub(crate) mod triangle;
 pub use aabb::Aabb;
 pub(crate) use frame::Frame;
 pub use mesh::{Mesh, MeshError, Skipped};
+pub use parts::Parts;
 pub use ray::Ray;

@@ -1,3 +1,5 @@
+use glam::Vec3A;
+
 /// A ray: the points `origin + t · direction` with `t_min < t <= t_max`.
 ///
 /// `t` is in multiples of the direction's length; the direction need not be normalised.
@@ -34,10 +36,9 @@ impl Ray {
     /// direction not zero. A query answers any other ray with a miss.
     #[inline]
     pub fn is_valid(&self) -> bool {
+        let (origin, direction) = (Vec3A::from(self.origin), Vec3A::from(self.direction));
         // A number times 0 is 0 if it is finite, otherwise not a number.
-        let [ox, oy, oz] = self.origin.map(|c| c * 0.0);
-        let [dx, dy, dz] = self.direction.map(|c| c * 0.0);
-        let is_finite = (ox + oy + oz) + (dx + dy + dz) == 0.0;
-        is_finite && self.direction != [0.0; 3] && !self.t_min.is_nan() && !self.t_max.is_nan()
+        let is_finite = origin * 0.0 + direction * 0.0 == Vec3A::ZERO;
+        is_finite && direction != Vec3A::ZERO && !self.t_min.is_nan() && !self.t_max.is_nan()
     }
 }

@@ -6,13 +6,13 @@ use crate::query::Hit;
 /// What of the test depends on the ray alone: a shear that turns the ray into the z axis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shear {
-    pub(crate) origin: [f32; 3],
-    direction: [f32; 3],
     /// The axes that become x, y and z: z is the one along which the ray goes furthest.
     pub(crate) axes: [usize; 3],
-    /// The origin along these axes.
-    pub(crate) turned_origin: [f32; 3],
+    /// What takes points to where the origin is 0, along these axes.
+    pub(crate) to_origin: [f32; 3],
     pub(crate) shear: [f32; 3],
+    /// The direction's largest component.
+    pub(crate) along: f32,
 }
 
 impl Shear {
@@ -29,11 +29,10 @@ impl Shear {
         };
         let (kx, ky) = ((kz + 1) % 3, (kz + 2) % 3);
         Shear {
-            origin: ray.origin,
-            direction: ray.direction,
             axes: [kx, ky, kz],
-            turned_origin: [ray.origin[kx], ray.origin[ky], ray.origin[kz]],
+            to_origin: [-ray.origin[kx], -ray.origin[ky], -ray.origin[kz]],
             shear: [d[kx] / d[kz], d[ky] / d[kz], 1.0 / d[kz]],
+            along: d[kz],
         }
     }
 
@@ -42,20 +41,13 @@ impl Shear {
     pub(crate) fn apply(&self, p: [f32; 3]) -> [f32; 3] {
         let [kx, ky, kz] = self.axes;
         let [sx, sy, _] = self.shear;
-        let [ox, oy, oz] = self.turned_origin;
-        let z = p[kz] - oz;
-        [(p[kx] - ox) - sx * z, (p[ky] - oy) - sy * z, z]
+        let [ox, oy, oz] = self.to_origin;
+        let z = p[kz] + oz;
+        [(p[kx] + ox) - sx * z, (p[ky] + oy) - sy * z, z]
     }
 
-    /// Where the ray's line meets the triangle of these corners.
-    #[inline(always)]
-    pub(crate) fn intersect(&self, corners: &[[f32; 3]; 3], triangle: u32) -> Option<Hit> {
-        let [a, b, c] = *corners;
-        self.meet(&[self.apply(a), self.apply(b), self.apply(c)], triangle)
-    }
-
-    /// Where the ray's line meets the triangle of these corners, which the shear has been applied
-    /// to, whatever the ray's interval; `triangle` is only passed on.
+    /// Where the ray's line meets the triangle of these corners, whatever the ray's interval;
+    /// `triangle` is only passed on.
     ///
     /// The signs of the edge functions are exact for the sheared f32 vertices: a rounded product
     /// never changes the order of two products, and where two rounded products are equal, f64
@@ -65,20 +57,31 @@ impl Shear {
     /// f32 the t of a triangle that is seen edge-on can be off by much more than the rounding of
     /// its vertices, and a traversal that relies on t would then end too early.
     #[inline(always)]
-    pub(crate) fn meet(&self, sheared: &[[f32; 3]; 3], triangle: u32) -> Option<Hit> {
-        let [[ax, ay, az], [bx, by, bz], [cx, cy, cz]] = *sheared;
-        let one_sided = |u: f32, v: f32, w: f32| {
-            !((u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0))
-        };
-        if !one_sided(cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax) {
+    pub(crate) fn meet(&self, corners: &[[f32; 3]; 3], triangle: u32) -> Option<Hit> {
+        let [[ax, ay, _], [bx, by, _], [cx, cy, _]] = corners.map(|p| self.apply(p));
+        let (u, v, w) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
+        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
             return None;
         }
+        self.meet_exactly(corners, triangle)
+    }
+
+    /// The same, for a triangle that the f32 edge functions do not refuse.
+    #[inline(always)]
+    pub(crate) fn meet_exactly(&self, corners: &[[f32; 3]; 3], triangle: u32) -> Option<Hit> {
+        let [a, b, c] = *corners;
+        let [ax, ay, az] = self.apply(a);
+        let [bx, by, bz] = self.apply(b);
+        let [cx, cy, cz] = self.apply(c);
         let wide = |x: f32| f64::from(x);
         let (ax, ay, bx, by, cx, cy) = (wide(ax), wide(ay), wide(bx), wide(by), wide(cx), wide(cy));
         let u = cx * by - cy * bx;
         let v = ax * cy - ay * cx;
         let w = bx * ay - by * ax;
-        if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
+        // Both looked at together: which one it is is hard to foresee.
+        let lower = |a: f64, b: f64| if a < b { a } else { b };
+        let higher = |a: f64, b: f64| if a > b { a } else { b };
+        if (lower(lower(u, v), w) < 0.0) & (higher(higher(u, v), w) > 0.0) {
             return None;
         }
         let determinant = u + v + w;
@@ -93,26 +96,20 @@ impl Shear {
             triangle,
         })
     }
+}
 
-    /// Whether the triangle's plane is met beyond `t_min`, computed from the unsheared vertices.
-    ///
-    /// The shear rounds by more than the distance that a ray's origin may have from a surface that
-    /// it leaves. At a small angle to a large triangle, [`Shear::intersect`] then finds the surface
-    /// again, at a small positive t. In f64 the side of the plane that the origin is on is right.
-    /// This only ever refuses hits, so it does not widen where a traversal must look.
-    #[inline]
-    pub(crate) fn meets_plane_beyond(&self, t_min: f32, corners: &[[f32; 3]; 3]) -> bool {
-        let o = self.origin.map(f64::from);
-        let [a, b, c] = corners.map(|[x, y, z]| {
-            [
-                f64::from(x) - o[0],
-                f64::from(y) - o[1],
-                f64::from(z) - o[2],
-            ]
-        });
-        let normal = cross(difference(b, a), difference(c, a));
-        dot(normal, a) / dot(normal, self.direction.map(f64::from)) > f64::from(t_min)
-    }
+/// Whether the plane of the triangle of these corners is met beyond the ray's `t_min`.
+///
+/// The shear rounds by more than the distance that a ray's origin may have from a surface that it
+/// leaves. At a small angle to a large triangle, [`Shear::meet`] then finds the surface again, at a
+/// small positive t. In f64, from the unsheared vertices, the side of the plane that the origin is
+/// on is right. This only ever refuses hits, so it does not widen where a traversal must look.
+#[inline]
+pub(crate) fn plane_is_beyond(ray: &Ray, corners: &[[f32; 3]; 3]) -> bool {
+    let o = ray.origin.map(f64::from);
+    let [a, b, c] = corners.map(|p| difference(p.map(f64::from), o));
+    let normal = cross(difference(b, a), difference(c, a));
+    dot(normal, a) / dot(normal, ray.direction.map(f64::from)) > f64::from(ray.t_min)
 }
 
 #[inline(always)]
@@ -143,7 +140,7 @@ mod tests {
     #[test]
     fn the_weights_belong_to_the_second_and_third_vertex() {
         let ray = Ray::new([0.5, 0.125, 2.0], [0.0, 0.0, -2.0]);
-        let hit = Shear::of(&ray).intersect(&CORNERS, 7).unwrap();
+        let hit = Shear::of(&ray).meet(&CORNERS, 7).unwrap();
         assert_eq!(
             hit,
             Hit {
@@ -165,13 +162,13 @@ mod tests {
             let angle = f32::from(i) * 0.01;
             let ray = Ray::new(origin, [angle.cos(), angle.sin(), 0.2 + 1e-3 * angle]);
             let shear = Shear::of(&ray);
-            let hit = shear.intersect(&corners, 0).filter(|hit| hit.t > 0.0);
+            let hit = shear.meet(&corners, 0).filter(|hit| hit.t > 0.0);
             found_by_the_shear_alone += u32::from(hit.is_some());
-            assert!(!shear.meets_plane_beyond(0.0, &corners));
+            assert!(!plane_is_beyond(&ray, &corners));
         }
         assert!(found_by_the_shear_alone > 0);
         let back = Ray::new(origin, [0.5, 0.1, -0.2]);
-        assert!(Shear::of(&back).meets_plane_beyond(0.0, &corners));
+        assert!(plane_is_beyond(&back, &corners));
     }
 
     #[test]
@@ -186,7 +183,7 @@ mod tests {
                     q
                 };
                 let ray = Ray::new(turn([0.2, 0.3, -sign]), turn([0.0, 0.0, sign]));
-                let hit = Shear::of(&ray).intersect(&CORNERS.map(turn), 0).unwrap();
+                let hit = Shear::of(&ray).meet(&CORNERS.map(turn), 0).unwrap();
                 assert_eq!((hit.t, hit.u, hit.v), (1.0, 0.2, 0.3));
             }
         }
@@ -203,16 +200,13 @@ mod tests {
             (0.0, 1.0),
         ] {
             let ray = Ray::new([x, y, 1.0], [0.0, 0.0, -1.0]);
-            assert!(
-                Shear::of(&ray).intersect(&CORNERS, 0).is_some(),
-                "({x}, {y})"
-            );
+            assert!(Shear::of(&ray).meet(&CORNERS, 0).is_some(), "({x}, {y})");
         }
     }
 
     #[test]
     fn a_triangle_seen_edge_on_is_missed() {
         let ray = Ray::new([-1.0, 0.25, 0.0], [1.0, 0.0, 0.0]);
-        assert_eq!(Shear::of(&ray).intersect(&CORNERS, 0), None);
+        assert_eq!(Shear::of(&ray).meet(&CORNERS, 0), None);
     }
 }

@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use super::traverse::Search;
-use super::{Any, Closest, Hit, run, wide};
+use super::{Any, Closest, Everything, Hit, run, wide};
 use crate::geometry::Ray;
 use crate::tree::Tree;
 
@@ -38,12 +38,12 @@ impl Question for ClosestHit {
 struct AnyHit;
 
 impl Question for AnyHit {
-    type Search<'r> = Any<'r, fn(&Hit) -> bool>;
+    type Search<'r> = Any<'r, Everything>;
     type Answer = bool;
 
     #[inline(always)]
     fn search(ray: &Ray) -> Self::Search<'_> {
-        Any::new(ray, accept_all)
+        Any::new(ray, Everything)
     }
 
     #[inline(always)]

@@ -1,7 +1,7 @@
 //! What every tree must answer.
 
 use super::Hit;
-use crate::geometry::triangle::Shear;
+use crate::geometry::triangle::{Shear, plane_is_beyond};
 use crate::geometry::{Mesh, Ray};
 
 /// The nearest hit with `t_min < t <= t_max`, found by testing every triangle; of hits at the same
@@ -15,11 +15,11 @@ pub fn brute_force(mesh: &Mesh, ray: &Ray) -> Option<Hit> {
     let mut best: Option<Hit> = None;
     for &triangle in mesh.usable_triangles() {
         let corners = mesh.corners(triangle);
-        if let Some(hit) = shear.intersect(&corners, triangle)
+        if let Some(hit) = shear.meet(&corners, triangle)
             && hit.t > ray.t_min
             && hit.t <= ray.t_max
             && best.is_none_or(|best| hit.t < best.t)
-            && shear.meets_plane_beyond(ray.t_min, &corners)
+            && plane_is_beyond(ray, &corners)
         {
             best = Some(hit);
         }

@@ -12,7 +12,7 @@ mod wide;
 use std::ops::ControlFlow;
 
 use crate::geometry::Ray;
-use crate::geometry::triangle::Shear;
+use crate::geometry::triangle::{Shear, plane_is_beyond};
 use crate::tree::{Tree, with_nodes};
 pub(crate) use all_hits::all_hits;
 pub(crate) use batch::{any_hits, closest_hits};
@@ -154,11 +154,11 @@ impl<'r> Aim<'r> {
     /// Where the ray meets a triangle beyond its `t_min`, if `wanted` there.
     #[inline(always)]
     fn meet(&mut self, triangle: &impl Triangle, wanted: impl FnOnce(f32) -> bool) -> Option<Hit> {
-        let t_min = self.ray.t_min;
-        let shear = self.shear();
-        let hit = shear.meet(&triangle.sheared(shear), triangle.index())?;
-        (hit.t > t_min && wanted(hit.t) && shear.meets_plane_beyond(t_min, &triangle.corners()))
-            .then_some(hit)
+        let hit = triangle.meet(self.shear())?;
+        let is_met = hit.t > self.ray.t_min
+            && wanted(hit.t)
+            && plane_is_beyond(self.ray, &triangle.corners());
+        is_met.then_some(hit)
     }
 }
 
@@ -204,6 +204,11 @@ impl<F: Fn(&Hit) -> bool> Search for Closest<'_, F> {
     }
 
     #[inline(always)]
+    fn limit_above(&self) -> f32 {
+        self.best.t
+    }
+
+    #[inline(always)]
     fn test(&mut self, triangle: &impl Triangle) -> ControlFlow<()> {
         let best = &self.best;
         let wanted = |t: f32| t < best.t || t == best.t && triangle.index() < best.triangle;
@@ -216,16 +221,41 @@ impl<F: Fn(&Hit) -> bool> Search for Closest<'_, F> {
     }
 }
 
-/// Whether there is a hit that `accept` takes.
-struct Any<'r, F> {
-    aim: Aim<'r>,
-    found: bool,
-    accept: F,
+/// Which hits an any-hit query takes.
+pub(crate) trait Accept {
+    /// Whether it takes every hit, so that none need be computed.
+    const ALL: bool = false;
+    fn accepts(&self, hit: &Hit) -> bool;
 }
 
-impl<'r, F: Fn(&Hit) -> bool> Any<'r, F> {
+impl<F: Fn(&Hit) -> bool> Accept for F {
     #[inline(always)]
-    fn new(ray: &'r Ray, accept: F) -> Self {
+    fn accepts(&self, hit: &Hit) -> bool {
+        self(hit)
+    }
+}
+
+/// Takes every hit.
+pub(crate) struct Everything;
+
+impl Accept for Everything {
+    const ALL: bool = true;
+    #[inline(always)]
+    fn accepts(&self, _: &Hit) -> bool {
+        true
+    }
+}
+
+/// Whether there is a hit that `accept` takes.
+struct Any<'r, A> {
+    aim: Aim<'r>,
+    found: bool,
+    accept: A,
+}
+
+impl<'r, A: Accept> Any<'r, A> {
+    #[inline(always)]
+    fn new(ray: &'r Ray, accept: A) -> Self {
         Any {
             aim: Aim::new(ray),
             found: false,
@@ -234,8 +264,14 @@ impl<'r, F: Fn(&Hit) -> bool> Any<'r, F> {
     }
 }
 
-impl<F: Fn(&Hit) -> bool> Search for Any<'_, F> {
+impl<A: Accept> Search for Any<'_, A> {
     const NEAREST_FIRST: bool = false;
+    const NEEDS_NO_HIT: bool = A::ALL;
+
+    #[inline(always)]
+    fn found_without_hit(&mut self) {
+        self.found = true;
+    }
 
     #[inline(always)]
     fn shear(&mut self) -> Option<&Shear> {
@@ -248,10 +284,15 @@ impl<F: Fn(&Hit) -> bool> Search for Any<'_, F> {
     }
 
     #[inline(always)]
+    fn limit_above(&self) -> f32 {
+        self.aim.ray.t_max
+    }
+
+    #[inline(always)]
     fn test(&mut self, triangle: &impl Triangle) -> ControlFlow<()> {
         let t_max = self.aim.ray.t_max;
         if let Some(hit) = self.aim.meet(triangle, |t| t <= t_max)
-            && (self.accept)(&hit)
+            && self.accept.accepts(&hit)
         {
             self.found = true;
             return ControlFlow::Break(());
@@ -277,7 +318,7 @@ pub(crate) fn closest_hit(
 pub(crate) fn any_hit(
     tree: &Tree,
     ray: &Ray,
-    accept: impl Fn(&Hit) -> bool,
+    accept: impl Accept,
     counters: &mut impl Counters,
 ) -> bool {
     let mut search = Any::new(ray, accept);
@@ -297,10 +338,25 @@ pub(crate) fn run_in(
     search: &mut impl Search,
     counters: &mut impl Counters,
 ) {
-    if ray.is_valid() && !place.bounds.is_empty() {
-        if let Some(wide) = tree.wide() {
-            return wide::traverse(wide, ray, search, counters);
-        }
+    if !ray.is_valid() {
+        return;
+    }
+    match tree.wide() {
+        Some(wide) => wide::traverse(wide, ray, search, counters),
+        None => run_binary(tree, place, ray, search, counters),
+    }
+}
+
+/// Apart, so that the memory it needs is not asked for where the tree is wide.
+#[inline(never)]
+fn run_binary(
+    tree: &Tree,
+    place: &Place,
+    ray: &Ray,
+    search: &mut impl Search,
+    counters: &mut impl Counters,
+) {
+    if !place.bounds.is_empty() {
         with_nodes!(tree, nodes => traverse(nodes, tree, place, ray, search, counters));
     }
 }

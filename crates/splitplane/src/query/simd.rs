@@ -1,8 +1,11 @@
 //! Eight numbers at a time, on whatever the machine has.
 //!
-//! Every implementation gives the same bits: no fused multiply-add, no approximate inverse. So
-//! counts do not depend on the machine, as hits never do.
+//! Every operation gives the same bits everywhere, but for [`Lanes::mul_add`], which may round once
+//! or twice. Boxes are met by it, so what is visited may differ from machine to machine by a box
+//! that a ray grazes. Hits never do.
 #![allow(unsafe_code)]
+
+use std::sync::atomic::{AtomicU8, Ordering};
 
 /// Eight f32.
 pub(super) trait Lanes: Copy {
@@ -11,6 +14,8 @@ pub(super) trait Lanes: Copy {
     fn add(self, other: Self) -> Self;
     fn sub(self, other: Self) -> Self;
     fn mul(self, other: Self) -> Self;
+    /// self · factor + term, rounded once or twice.
+    fn mul_add(self, factor: Self, term: Self) -> Self;
     /// The larger one of each pair; `other` where either is NaN.
     fn max(self, other: Self) -> Self;
     /// The smaller one of each pair; `other` where either is NaN.
@@ -24,8 +29,8 @@ pub(super) trait Lanes: Copy {
     /// A bit for each pair that is ordered so.
     fn lt(self, other: Self) -> u32;
     fn to_array(self) -> [f32; 8];
-    /// Asks for the lines of memory that something lies in, since it will be needed soon.
-    fn prefetch<T>(what: &T);
+    /// Asks for 256 bytes of memory, since they will be needed soon; any address will do.
+    fn prefetch(address: *const u8);
 }
 
 /// The bit of the sign.
@@ -79,6 +84,10 @@ impl Lanes for Portable {
         self.zip(other, |a, b| a * b)
     }
     #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        self.mul(factor).add(term)
+    }
+    #[inline(always)]
     fn max(self, other: Self) -> Self {
         self.zip(other, |a, b| if a > b { a } else { b })
     }
@@ -99,7 +108,7 @@ impl Lanes for Portable {
         self.0
     }
     #[inline(always)]
-    fn prefetch<T>(_: &T) {}
+    fn prefetch(_: *const u8) {}
 }
 
 /// Runs a generic function on the lanes of the machine.
@@ -111,17 +120,34 @@ pub(super) trait Task {
 /// Which instructions queries may use.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Instructions {
-    Portable,
+    Portable = 1,
     #[cfg(target_arch = "x86_64")]
-    Avx2,
+    Avx2 = 2,
 }
 
 impl Instructions {
-    /// The best that the machine has. The answer is looked up once and then remembered.
+    /// The best that the machine has.
     #[inline(always)]
     pub(crate) fn best() -> Self {
+        // Known after the first query; asking four times per query takes longer than a short one.
+        static KNOWN: AtomicU8 = AtomicU8::new(0);
+        match KNOWN.load(Ordering::Relaxed) {
+            #[cfg(target_arch = "x86_64")]
+            2 => Instructions::Avx2,
+            1 => Instructions::Portable,
+            _ => {
+                let best = Self::look_up();
+                KNOWN.store(best as u8, Ordering::Relaxed);
+                best
+            }
+        }
+    }
+
+    #[cold]
+    fn look_up() -> Self {
         #[cfg(target_arch = "x86_64")]
         if std::arch::is_x86_feature_detected!("avx2")
+            && std::arch::is_x86_feature_detected!("fma")
             && std::arch::is_x86_feature_detected!("bmi1")
             && std::arch::is_x86_feature_detected!("lzcnt")
         {
@@ -133,12 +159,18 @@ impl Instructions {
     #[inline(always)]
     pub(super) fn run<T: Task>(self, task: T) -> T::Output {
         match self {
-            Instructions::Portable => task.run::<Portable>(),
+            Instructions::Portable => portable(task),
             #[cfg(target_arch = "x86_64")]
-            // SAFETY: `best` has found these instructions, and nothing else makes an `Avx2`.
+            // SAFETY: `look_up` has found these instructions, and nothing else makes an `Avx2`.
             Instructions::Avx2 => unsafe { avx2::run(task) },
         }
     }
+}
+
+/// Apart, so that the memory it needs is not asked for where better instructions are used.
+#[inline(never)]
+fn portable<T: Task>(task: T) -> T::Output {
+    task.run::<Portable>()
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -147,8 +179,8 @@ mod avx2 {
     use std::arch::x86_64::*;
 
     /// # Safety
-    /// The machine must have AVX2, BMI1 and LZCNT.
-    #[target_feature(enable = "avx2,bmi1,lzcnt")]
+    /// The machine must have AVX2, FMA, BMI1 and LZCNT.
+    #[target_feature(enable = "avx2,fma,bmi1,lzcnt")]
     pub(super) unsafe fn run<T: Task>(task: T) -> T::Output {
         task.run::<Avx2>()
     }
@@ -195,6 +227,11 @@ mod avx2 {
             Avx2(unsafe { _mm256_mul_ps(self.0, other.0) })
         }
         #[inline(always)]
+        fn mul_add(self, factor: Self, term: Self) -> Self {
+            // SAFETY: see `Avx2`.
+            Avx2(unsafe { _mm256_fmadd_ps(self.0, factor.0, term.0) })
+        }
+        #[inline(always)]
         fn max(self, other: Self) -> Self {
             // SAFETY: see `Avx2`.
             Avx2(unsafe { _mm256_max_ps(self.0, other.0) })
@@ -222,11 +259,10 @@ mod avx2 {
             array
         }
         #[inline(always)]
-        fn prefetch<T>(what: &T) {
-            let start = std::ptr::from_ref(what).cast::<i8>();
-            for line in 0..size_of::<T>().div_ceil(64) {
-                // SAFETY: see `Avx2`; it is within what is there.
-                unsafe { _mm_prefetch::<_MM_HINT_T0>(start.add(64 * line)) };
+        fn prefetch(address: *const u8) {
+            for line in 0..4 {
+                // SAFETY: see `Avx2`; a prefetch reads nothing that the program sees.
+                unsafe { _mm_prefetch::<_MM_HINT_T0>(address.wrapping_add(64 * line).cast()) };
             }
         }
     }

@@ -2,8 +2,9 @@
 
 use std::ops::ControlFlow;
 
-use super::{Counters, Traversal};
+use super::{Counters, Hit, Traversal};
 use crate::build::BuildParams;
+use crate::geometry::frame::round_up;
 use crate::geometry::triangle::Shear;
 use crate::geometry::{Aabb, Frame, Mesh, Ray};
 use crate::tree::Tree;
@@ -13,7 +14,13 @@ use crate::tree::nodes::{Layout, View};
 pub(crate) trait Search {
     /// Beyond this t nothing is wanted any more.
     fn limit(&self) -> f64;
-    /// Whether hits are best found in their order along the ray; otherwise where they are likely.
+    /// The same as an f32, rounded up.
+    #[inline(always)]
+    fn limit_above(&self) -> f32 {
+        round_up(self.limit())
+    }
+    /// Whether hits are best found in their order along the ray; otherwise where they are likely,
+    /// and the limit never changes.
     const NEAREST_FIRST: bool;
     /// The ray's part of the ray-triangle test, where triangles that it misses need not be tested;
     /// `None` where all of a leaf are to be.
@@ -21,6 +28,11 @@ pub(crate) trait Search {
     fn shear(&mut self) -> Option<&Shear> {
         None
     }
+    /// Whether the search is over once it is known that there is a hit, whatever it is.
+    const NEEDS_NO_HIT: bool = false;
+    /// There is a hit. Only where [`Search::NEEDS_NO_HIT`].
+    #[inline(always)]
+    fn found_without_hit(&mut self) {}
     /// Tests a triangle; breaks when the answer is known.
     fn test(&mut self, triangle: &impl Triangle) -> ControlFlow<()>;
 }
@@ -30,8 +42,8 @@ pub(crate) trait Triangle {
     /// Its index in the mesh.
     fn index(&self) -> u32;
     fn corners(&self) -> [[f32; 3]; 3];
-    /// The corners, with the shear applied to them.
-    fn sheared(&self, shear: &Shear) -> [[f32; 3]; 3];
+    /// Where the ray's line meets it.
+    fn meet(&self, shear: &Shear) -> Option<Hit>;
 }
 
 /// A triangle as the mesh has it.
@@ -52,9 +64,8 @@ impl Triangle for OfMesh<'_> {
     }
 
     #[inline(always)]
-    fn sheared(&self, shear: &Shear) -> [[f32; 3]; 3] {
-        let [a, b, c] = self.corners();
-        [shear.apply(a), shear.apply(b), shear.apply(c)]
+    fn meet(&self, shear: &Shear) -> Option<Hit> {
+        shear.meet(&self.corners(), self.index)
     }
 }
 

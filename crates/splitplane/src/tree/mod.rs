@@ -335,7 +335,7 @@ impl Tree {
 
     /// Whether anything is hit with `t_min < t <= t_max`. See [`Tree::closest_hit`].
     pub fn any_hit(&self, ray: &Ray, counters: &mut impl Counters) -> bool {
-        query::any_hit(self, ray, |_| true, counters)
+        query::any_hit(self, ray, query::Everything, counters)
     }
 
     /// Whether anything is hit that `accept` takes. See [`Tree::closest_hit_where`].

@@ -5,13 +5,14 @@ mod direct;
 mod path;
 
 use glam::{Vec2, Vec3};
-use splitplane::{Hit, Ray, Tree};
+use splitplane::{InstanceHit, Ray};
 
 use super::bsdf::{Bsdf, Kinds, bsdf_of};
 use super::camera::Beam;
 use super::interaction::Interaction;
 use super::light::Lights;
 use super::light_choice::LightChoice;
+use super::part::{InPlace, Part, SceneTree};
 use super::sampler::{Sampler, Sequence};
 use super::sampling::power_heuristic;
 use super::tracer::Tracer;
@@ -31,8 +32,8 @@ pub(super) struct World<'s> {
     pub(super) integrator: Integrator,
     /// Some surfaces are not there everywhere.
     pub(super) has_alpha: bool,
-    /// The shape of every triangle.
-    shape_of: Vec<u32>,
+    /// The scene's own geometry, then the objects'; with the shape of every triangle.
+    parts: Vec<(Part<'s>, Vec<u32>)>,
 }
 
 impl<'s> World<'s> {
@@ -44,44 +45,73 @@ impl<'s> World<'s> {
             | Integrator::Whitted { .. }
             | Integrator::AmbientOcclusion { .. } => LightStrategy::Uniform,
         };
-        let mut shape_of = Vec::with_capacity(scene.mesh.triangles().len());
-        for (index, shape) in (0..).zip(&scene.shapes) {
-            shape_of.extend(shape.triangles.clone().map(|_| index));
-        }
+        let with_shapes = |part: Part<'s>| {
+            let mut shape_of = Vec::with_capacity(part.mesh.triangles().len());
+            for (index, shape) in (0..).zip(part.shapes) {
+                shape_of.extend(shape.triangles.clone().map(|_| index));
+            }
+            (part, shape_of)
+        };
+        let parts: Vec<_> = Part::all(scene).map(with_shapes).collect();
         World {
             scene,
             lights,
-            choice: LightChoice::new(strategy, lights, scene.mesh.bounds()),
+            choice: LightChoice::new(strategy, lights, scene.bounds()),
             integrator,
-            has_alpha: scene
-                .shapes
+            has_alpha: parts
                 .iter()
+                .flat_map(|(part, _)| part.shapes)
                 .any(|shape| shape.alpha.is_some() || shape.shadow_alpha.is_some()),
-            shape_of,
+            parts,
         }
     }
 
-    pub(super) fn shape(&self, triangle: u32) -> &'s Shape {
-        &self.scene.shapes[self.shape_of[triangle as usize] as usize]
+    /// The part that instance 0, which is the scene's own geometry, or another one stands for.
+    fn part(&self, instance: u32) -> &(Part<'s>, Vec<u32>) {
+        match instance.checked_sub(1) {
+            None => &self.parts[0],
+            Some(i) => &self.parts[1 + self.scene.instances[i as usize].object as usize],
+        }
     }
 
-    fn interaction(&self, ray: &Ray, hit: &Hit) -> Interaction {
-        Interaction::new(self.scene, self.shape(hit.triangle), ray, hit)
+    pub(super) fn in_place(&self, instance: u32) -> InPlace<'_> {
+        let placed = instance
+            .checked_sub(1)
+            .map(|i| &self.scene.instances[i as usize]);
+        InPlace {
+            part: &self.part(instance).0,
+            to_world: placed.map(|placed| &placed.to_world),
+        }
+    }
+
+    pub(super) fn shape(&self, instance: u32, triangle: u32) -> &'s Shape {
+        let (part, shape_of) = self.part(instance);
+        &part.shapes[shape_of[triangle as usize] as usize]
+    }
+
+    fn interaction(&self, ray: &Ray, found: &InstanceHit) -> Interaction {
+        let shape = self.shape(found.instance, found.hit.triangle);
+        Interaction::new(self.in_place(found.instance), shape, ray, found)
     }
 
     /// How the surface scatters; its bumps turn the hit's frame.
     fn bsdf(&self, at: &mut Interaction, one_lobe_glass: bool) -> Option<Bsdf> {
-        let material = self.shape(at.triangle).material;
+        let material = self.shape(at.instance, at.triangle).material;
         bsdf_of(&self.scene.materials[material as usize], at, one_lobe_glass)
     }
 
     fn emitted(&self, at: &Interaction, w: Vec3) -> Vec3 {
-        self.lights.emitted(self.shape(at.triangle), at, w)
+        self.lights
+            .emitted(self.shape(at.instance, at.triangle), at, w)
     }
 
     fn is_light(&self, at: &Interaction, light: u32) -> bool {
-        let shape = self.shape_of[at.triangle as usize];
-        self.lights.light_of(shape, at.triangle) == Some(light)
+        // Objects are no lights.
+        let shape = self.parts[0]
+            .1
+            .get(at.triangle as usize)
+            .filter(|_| at.instance == 0);
+        shape.is_some_and(|&shape| self.lights.light_of(shape, at.triangle) == Some(light))
     }
 }
 
@@ -110,7 +140,7 @@ pub(super) struct Gatherer<'w, const COUNT: bool> {
 }
 
 impl<'w, const COUNT: bool> Gatherer<'w, COUNT> {
-    pub(super) fn new(world: &'w World<'w>, tree: &'w Tree, sequence: &'w Sequence) -> Self {
+    pub(super) fn new(world: &'w World<'w>, tree: SceneTree<'w>, sequence: &'w Sequence) -> Self {
         Gatherer {
             world,
             tracer: Tracer::new(tree, world),
@@ -148,7 +178,7 @@ impl<'w, const COUNT: bool> Gatherer<'w, COUNT> {
             at.set_footprint(beside);
         }
         let first = FirstHit {
-            distance: hit.t * Vec3::from(ray.direction).length(),
+            distance: hit.hit.t * Vec3::from(ray.direction).length(),
             normal: at.shading_normal,
         };
         (Some(at), Some(first))

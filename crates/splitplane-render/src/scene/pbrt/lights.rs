@@ -10,7 +10,7 @@ use super::params::Type;
 use super::textures::Maker;
 use crate::error::SceneError;
 use crate::scene::image_file::{Channels, Decoding};
-use crate::scene::light::{AreaLight, Light};
+use crate::scene::light::{AreaLight, Light, SphereMap};
 use crate::scene::texture::{Image, Wrap};
 use crate::transform::Transform;
 
@@ -33,11 +33,12 @@ fn map(
     maker: &mut Maker<'_>,
     d: &Directive,
     without: &str,
+    wrap: Wrap,
 ) -> Result<Option<Arc<Image>>, SceneError> {
     let decoding = Decoding {
         srgb: false,
         channels: Channels::Color,
-        wrap: Wrap::Repeat,
+        wrap,
     };
     Ok(match d.params.text(maker.s, "mapname")? {
         Some(name) if !name.is_empty() => maker.image(d, name, decoding, without),
@@ -50,7 +51,12 @@ pub(crate) fn light(
     maker: &mut Maker<'_>,
     d: &Directive,
     to_world: &Transform,
+    is_v4: bool,
 ) -> Result<Option<Light>, SceneError> {
+    let (sphere, wrap) = match is_v4 {
+        true => (SphereMap::EqualArea, Wrap::Clamp),
+        false => (SphereMap::LongitudeLatitude, Wrap::Repeat),
+    };
     let point = |name: &str, default: [f32; 3]| -> Result<[f32; 3], SceneError> {
         Ok(d.params
             .triple(maker.s, name, Type::Point3)?
@@ -79,7 +85,8 @@ pub(crate) fn light(
             d.params.ignore(&["nsamples", "samples"]);
             Some(Light::Infinite {
                 radiance: scaled(maker, d, "L")?,
-                map: map(maker, d, "rendered as if it were white")?,
+                map: map(maker, d, "rendered as if it were white", wrap)?,
+                sphere,
                 to_world: *to_world,
             })
         }
@@ -111,7 +118,8 @@ pub(crate) fn light(
             Some(Light::Goniometric {
                 to_world: *to_world,
                 intensity: scaled(maker, d, "I")?,
-                map: map(maker, d, "rendered the same in all directions")?,
+                map: map(maker, d, "rendered the same in all directions", wrap)?,
+                sphere,
             })
         }
         "projection" => {
@@ -126,7 +134,7 @@ pub(crate) fn light(
                 to_world: *to_world,
                 intensity: scaled(maker, d, "I")?,
                 fov,
-                map: map(maker, d, "rendered as a white square")?,
+                map: map(maker, d, "rendered as a white square", Wrap::Repeat)?,
             })
         }
         _ => {

@@ -24,7 +24,7 @@ use crate::scene::light::{AreaLight, Light};
 use crate::scene::material::Material;
 use crate::scene::settings::{Filter, SamplerKind};
 use crate::scene::texture::{Texture, TextureRef};
-use crate::scene::{Contents, LoadOptions, Scene};
+use crate::scene::{Contents, Instancing, LoadOptions, Scene};
 use crate::transform::Transform;
 
 /// What directives change and blocks bring back.
@@ -65,6 +65,13 @@ struct Piece {
     is_instance: bool,
 }
 
+/// A copy of an object that is kept as one.
+struct Copied {
+    /// Index into [`World::placed`].
+    object: u32,
+    to_world: Transform,
+}
+
 struct World<'a> {
     parser: Parser<'a>,
     notes: Notes,
@@ -77,16 +84,22 @@ struct World<'a> {
     world: Option<Span>,
     ended: bool,
     pieces: Vec<Piece>,
-    objects: HashMap<String, Vec<Piece>>,
+    objects: HashMap<String, Rc<Vec<Piece>>>,
+    /// Objects that are kept and have copies, in the order of their first.
+    placed: Vec<Rc<Vec<Piece>>>,
+    copies: Vec<Copied>,
     /// The object that is being defined.
     object: Option<(String, Vec<Piece>)>,
     /// How many instances there are, and where the first is.
     instances: Option<(usize, Span)>,
     materials: Vec<Material>,
     lights: Vec<Light>,
+    /// Lights that may have a square map of all directions, and where they are.
+    sphere_maps: Vec<(usize, Span)>,
     coordinate_systems: HashMap<String, Transform>,
     /// In place of what the file says; see [`LoadOptions`].
     subdivision_levels: Option<u32>,
+    instancing: Instancing,
 }
 
 /// Reads the pbrt-v3 scene at `path`.
@@ -126,12 +139,16 @@ pub(crate) fn load(path: &Path, name: &str, options: &LoadOptions) -> Result<Sce
         ended: false,
         pieces: Vec::new(),
         objects: HashMap::new(),
+        placed: Vec::new(),
+        copies: Vec::new(),
         object: None,
         instances: None,
         materials: vec![matte],
         lights: Vec::new(),
+        sphere_maps: Vec::new(),
         coordinate_systems: HashMap::new(),
         subdivision_levels: options.subdivision_levels,
+        instancing: options.instances,
     };
     if world.parser.is_v4 {
         world.contents.format = "pbrt-v4".to_owned();
@@ -143,6 +160,8 @@ pub(crate) fn load(path: &Path, name: &str, options: &LoadOptions) -> Result<Sce
         world.settings.sampler.kind = SamplerKind::Sobol;
     }
     if world.parser.is_part {
+        // The camera that is chosen for it looks at the mesh.
+        world.instancing = Instancing::Flattened;
         world.world = Some(start);
         let place = world.parser.sources.place(start);
         let text = "a part of a scene, without camera or light; they were chosen to suit it";
@@ -292,7 +311,7 @@ impl World<'_> {
             Word::ObjectEnd => {
                 self.end(&d, Word::ObjectBegin)?;
                 if let Some((name, pieces)) = self.object.take() {
-                    self.objects.insert(name, pieces);
+                    self.objects.insert(name, Rc::new(pieces));
                 }
             }
             Word::ObjectInstance => self.instance(&d)?,
@@ -338,7 +357,17 @@ impl World<'_> {
             }
             Word::LightSource => {
                 let to_world = self.state.to_world;
-                let light = self.with_maker(|maker, _| lights::light(maker, &d, &to_world))?;
+                let is_v4 = self.parser.is_v4;
+                let light =
+                    self.with_maker(|maker, _| lights::light(maker, &d, &to_world, is_v4))?;
+                if is_v4
+                    && matches!(
+                        light,
+                        Some(Light::Infinite { .. } | Light::Goniometric { .. })
+                    )
+                {
+                    self.sphere_maps.push((self.lights.len(), d.span));
+                }
                 self.lights.extend(light);
             }
             Word::AreaLightSource => {
@@ -714,11 +743,30 @@ impl World<'_> {
             ));
         };
         let to_world = self.state.to_world;
-        self.pieces.extend(pieces.iter().map(|piece| Piece {
-            to_world: to_world.after(&piece.to_world),
-            is_instance: true,
-            ..piece.clone()
-        }));
+        // What is not affine cannot be kept.
+        let kept = self.instancing == Instancing::Kept && to_world.is_affine();
+        match if kept {
+            Instancing::Kept
+        } else {
+            Instancing::Flattened
+        } {
+            Instancing::Flattened => self.pieces.extend(pieces.iter().map(|piece| Piece {
+                to_world: to_world.after(&piece.to_world),
+                is_instance: true,
+                ..piece.clone()
+            })),
+            Instancing::Kept => {
+                let known = self
+                    .placed
+                    .iter()
+                    .position(|placed| Rc::ptr_eq(placed, pieces));
+                let object = known.unwrap_or_else(|| {
+                    self.placed.push(Rc::clone(pieces));
+                    self.placed.len() - 1
+                }) as u32;
+                self.copies.push(Copied { object, to_world });
+            }
+        }
         let (count, _) = self.instances.get_or_insert((0, d.span));
         *count += 1;
         Ok(())

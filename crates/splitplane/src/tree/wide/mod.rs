@@ -165,6 +165,18 @@ impl Wide {
         }
     }
 
+    /// Where a node or a leaf begins in memory.
+    #[inline(always)]
+    pub(crate) fn address(&self, link: Link) -> *const u8 {
+        let node = (self.nodes.as_ptr().cast::<u8>())
+            .wrapping_byte_add(link.0 as usize * size_of::<WideNode>());
+        let start = link.0 as usize & Link::MAX_START;
+        let leaf =
+            (self.corners.as_ptr().cast::<u8>()).wrapping_byte_add(start * 9 * size_of::<f32>());
+        // Not a branch: what is next is hard to foresee.
+        std::hint::select_unpredictable(link.0 & Link::LEAF == 0, node, leaf)
+    }
+
     /// The different triangles of a child and all below it, in order.
     pub(crate) fn triangles_below(&self, child: Child) -> Vec<u32> {
         let mut triangles = Vec::new();

@@ -7,13 +7,14 @@ use std::sync::Arc;
 use glam::DVec3;
 use rayon::prelude::*;
 
-use super::World;
+use super::{Copied, Piece, World};
 use crate::error::SceneError;
 use crate::scene::geometry::{Geometry, LocalSurface, Placed, assemble};
+use crate::scene::light::{Light, SphereMap};
 use crate::scene::pbrt::shapes::Source;
 use crate::scene::pbrt::source::Span;
 use crate::scene::view::{self, Up};
-use crate::scene::{Scene, ply};
+use crate::scene::{Instance, Instancing, Object, Scene, ply};
 
 impl World<'_> {
     /// The scene, after all directives.
@@ -30,31 +31,34 @@ impl World<'_> {
         if !self.ended && !self.parser.is_v4 && !self.parser.is_part {
             return Err(self.error(world, "this WorldBegin has no WorldEnd"));
         }
-        let placed = self.placed()?;
-        let triangles_of = |copies: bool| -> u64 {
-            let pieces = self.pieces.iter().zip(&placed);
-            pieces
-                .filter(|(piece, _)| piece.is_instance == copies)
-                .map(|(_, placed)| placed.geometry.triangles.len() as u64)
-                .sum()
-        };
-        self.contents.instanced_triangles = triangles_of(true);
-        self.contents.unique_triangles = triangles_of(false) + self.triangles_of_objects(&placed);
-        if let Some((count, span)) = self.instances {
-            self.contents.instances = count as u64;
-            self.notes.tell(
-                self.parser.sources.place(span),
-                format!(
-                    "{count} object instances copied into the mesh: {} triangles \
-                     (the first is here)",
-                    self.contents.instanced_triangles
-                ),
-            );
-        }
+        let lists: Vec<Vec<Piece>> = std::iter::once(std::mem::take(&mut self.pieces))
+            .chain(self.placed.iter().map(|pieces| pieces.to_vec()))
+            .collect();
+        let mut placed = self.placed(&lists)?;
+        self.count_triangles(&lists, &placed);
+        self.check_sphere_maps();
         // Only the placed pieces have the triangles now: a single one is not copied.
-        self.pieces.clear();
+        drop(lists);
         self.objects.clear();
-        let assembled = assemble(placed).map_err(|message| self.error(world, message))?;
+        self.placed.clear();
+        let objects: Vec<Object> = placed
+            .split_off(1)
+            .into_iter()
+            .map(|pieces| {
+                let assembled = assemble(pieces).map_err(|message| self.error(world, message))?;
+                Ok(Object {
+                    mesh: assembled.mesh,
+                    normals: assembled.normals,
+                    uvs: assembled.uvs,
+                    shapes: assembled.shapes,
+                })
+            })
+            .collect::<Result<_, SceneError>>()?;
+        let own = placed.pop().unwrap_or_default();
+        let assembled = assemble(own).map_err(|message| self.error(world, message))?;
+        let instances: Vec<Instance> = (self.copies.iter())
+            .map(|&Copied { object, to_world }| Instance { object, to_world })
+            .collect();
         if self.parser.is_part {
             let bounds = assembled.mesh.bounds();
             let (towards_eye, towards_sun) =
@@ -71,6 +75,8 @@ impl World<'_> {
             uvs: assembled.uvs,
             colors: vec![],
             shapes: assembled.shapes,
+            objects,
+            instances,
             materials: self.materials,
             lights: self.lights,
             camera: self.settings.camera,
@@ -84,30 +90,70 @@ impl World<'_> {
         })
     }
 
-    /// Triangles of objects that have instances, each object once.
-    fn triangles_of_objects(&self, placed: &[Placed]) -> u64 {
+    /// A map of pbrt-v4 that is no square is one by longitude and latitude, of an older scene.
+    fn check_sphere_maps(&mut self) {
+        for &(light, span) in &self.sphere_maps {
+            if let Light::Infinite { map, sphere, .. } | Light::Goniometric { map, sphere, .. } =
+                &mut self.lights[light]
+                && let Some((width, height)) = map.as_ref().map(|map| map.size())
+                && width != height
+            {
+                *sphere = SphereMap::LongitudeLatitude;
+                let sources = &self.parser.sources;
+                self.notes.warn(
+                    "a light's map that is no square",
+                    || sources.place(span),
+                    format!(
+                        "the map of this light has {width} × {height} pixels; pbrt-v4 takes \
+                         squares, so it is read by longitude and latitude, as in pbrt-v3"
+                    ),
+                );
+            }
+        }
+    }
+
+    /// Notes how many triangles there are, and that objects are copied or kept.
+    fn count_triangles(&mut self, lists: &[Vec<Piece>], placed: &[Vec<Placed>]) {
+        let of = |placed: &Placed| placed.geometry.triangles.len() as u64;
+        let all = |list: &[Placed]| list.iter().map(of).sum::<u64>();
+        let (own, objects) = (&placed[0], &placed[1..]);
         let mut seen = HashSet::new();
-        self.pieces
-            .iter()
-            .zip(placed)
-            .filter(|(piece, placed)| {
-                piece.is_instance
-                    && seen.insert((
-                        piece.span.file,
-                        piece.span.offset,
-                        Arc::as_ptr(&placed.geometry),
-                    ))
-            })
-            .map(|(_, placed)| placed.geometry.triangles.len() as u64)
-            .sum()
+        let (mut unique, mut copied) = (0, 0);
+        for (piece, placed) in lists[0].iter().zip(own) {
+            let geometry = Arc::as_ptr(&placed.geometry);
+            if piece.is_instance {
+                copied += of(placed);
+            }
+            if !piece.is_instance || seen.insert((piece.span.file, piece.span.offset, geometry)) {
+                unique += of(placed);
+            }
+        }
+        unique += objects.iter().map(|object| all(object)).sum::<u64>();
+        let kept = self.copies.iter();
+        copied += kept
+            .map(|copy| all(&objects[copy.object as usize]))
+            .sum::<u64>();
+        self.contents.unique_triangles = unique;
+        self.contents.instanced_triangles = copied;
+        if let Some((count, span)) = self.instances {
+            self.contents.instances = count as u64;
+            let what = match self.instancing {
+                Instancing::Flattened => "copied into the mesh",
+                Instancing::Kept => "kept, each object with a tree of its own",
+            };
+            self.notes.tell(
+                self.parser.sources.place(span),
+                format!("{count} object instances {what}: {copied} triangles (the first is here)"),
+            );
+        }
     }
 
     /// The pieces with their triangles, in order; every PLY file and every image is read once, many
     /// at a time.
-    fn placed(&mut self) -> Result<Vec<Placed>, SceneError> {
+    fn placed(&mut self, lists: &[Vec<Piece>]) -> Result<Vec<Vec<Placed>>, SceneError> {
         let mut files: Vec<(&PathBuf, Span)> = Vec::new();
         let mut numbers: HashMap<&PathBuf, usize> = HashMap::new();
-        for piece in &self.pieces {
+        for piece in lists.iter().flatten() {
             if let Source::Ply { path } = &piece.source {
                 numbers.entry(path).or_insert_with(|| {
                     files.push((path, piece.span));
@@ -154,7 +200,7 @@ impl World<'_> {
             }
             geometries.push(Arc::new(mesh.geometry));
         }
-        let placed = self.pieces.iter().map(|piece| Placed {
+        let placed = |piece: &Piece| Placed {
             geometry: match &piece.source {
                 Source::Ready(geometry, _) => Arc::clone(geometry),
                 Source::Ply { path } => Arc::clone(&geometries[numbers[path]]),
@@ -169,7 +215,8 @@ impl World<'_> {
             },
             alpha: piece.alpha.clone(),
             shadow_alpha: piece.shadow_alpha.clone(),
-        });
-        Ok(placed.collect())
+        };
+        let list = |pieces: &Vec<Piece>| pieces.iter().map(placed).collect();
+        Ok(lists.iter().map(list).collect())
     }
 }

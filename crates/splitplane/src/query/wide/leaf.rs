@@ -1,0 +1,329 @@
+//! The triangles of a leaf, eight at a time.
+
+use std::ops::ControlFlow;
+
+use super::splats;
+use crate::geometry::triangle::Shear;
+use crate::query::Hit;
+use crate::query::simd::Lanes;
+use crate::query::traverse::{Search, Triangle};
+use crate::tree::wide::{WIDTH, Wide};
+
+/// What rounding may do to t in [`Depths`], in units of ε/2 times a bound of all
+/// products.
+///
+/// With products of x and y up to P and z up to Z, an edge function is off by 4 P, the determinant
+/// by 24 P and t times the determinant by 28 P Z, 30 after the comparison. The triangle test itself
+/// rounds 1/z of the direction and t: a hit at a wanted t has t times the determinant within
+/// 60 P · t of what is computed here.
+const T_ERROR: f32 = 80.0 * 0.5 * f32::EPSILON;
+
+/// What rounding, of the shear too, may do to t or the determinant at most, in units of ε/2 times
+/// the scene's furthest point from the ray's origin, R, times the furthest coordinate across the
+/// ray, M ≤ 2 R, and Z times that for t times the determinant.
+///
+/// Sheared coordinates are off by 6 R. So the edge functions are off by 24 R M and the determinant
+/// by 72 R M, besides what `T_ERROR` says of P ≤ M² ≤ 2 R M; t times the determinant by
+/// (72 + 60 + 12) R M Z, and the comparison with a t by (120 + 60) R M times that t. What
+/// [`plane_is_beyond`](crate::geometry::triangle::plane_is_beyond) rounds in f64 is nothing beside.
+const SURE_ERROR: f32 = 320.0 * 0.5 * f32::EPSILON;
+
+/// The corners of the triangles of a leaf, as in [`Wide::corners`].
+#[derive(Clone, Copy)]
+struct Rows<'a> {
+    /// Nine rows of `count`, and eight numbers more.
+    values: &'a [f32],
+    count: usize,
+}
+
+impl<'a> Rows<'a> {
+    #[inline(always)]
+    fn new(wide: &'a Wide, start: usize, count: usize) -> Self {
+        let rows = 9 * start..9 * (start + count) + WIDTH;
+        debug_assert!(rows.end <= wide.corners.len());
+        Rows {
+            // SAFETY: the links of a tree name triangles that are there, of each of which there are
+            // nine numbers, and eight more at the end: `store` writes them so, and `check_wide`
+            // refuses a tree from a file that is otherwise.
+            values: unsafe { wide.corners.get_unchecked(rows) },
+            count,
+        }
+    }
+
+    /// The rows of an axis, one for each corner, each with what follows it.
+    #[inline(always)]
+    fn along(&self, axis: usize) -> [&[f32; WIDTH]; 3] {
+        let at = axis * self.count;
+        debug_assert!(axis < 3 && at + 6 * self.count + WIDTH <= self.values.len());
+        let row = |corner: usize| {
+            // SAFETY: corners and axes are below 3, and behind each of nine rows there are eight
+            // numbers.
+            unsafe {
+                &*(self.values.as_ptr())
+                    .add(at + 3 * corner * self.count)
+                    .cast()
+            }
+        };
+        [row(0), row(1), row(2)]
+    }
+
+    #[inline(always)]
+    fn corners(&self, slot: usize) -> [[f32; 3]; 3] {
+        debug_assert!(slot < self.count);
+        let mut corners = [[0.0; 3]; 3];
+        for (row, value) in corners.as_flattened_mut().iter_mut().enumerate() {
+            // SAFETY: there are nine rows of `count`, and the slot is one of a triangle.
+            *value = unsafe { *self.values.get_unchecked(row * self.count + slot) };
+        }
+        corners
+    }
+}
+
+/// Up to eight triangles of a leaf, sheared.
+struct Block<L> {
+    /// Per corner.
+    x: [L; 3],
+    y: [L; 3],
+    z: [L; 3],
+    /// The edge functions, opposite to the corners.
+    edges: [L; 3],
+}
+
+impl<L: Lanes> Block<L> {
+    /// As [`Shear::apply`] and [`Shear::meet`] do.
+    #[inline(always)]
+    fn new(shear: &Shear, rows: Rows) -> Self {
+        let [kx, ky, kz] = shear.axes;
+        let [ox, oy, oz] = splats::<L>(shear.to_origin);
+        let [sx, sy, _] = splats::<L>(shear.shear);
+        let ([x0, x1, x2], [y0, y1, y2]) = (rows.along(kx), rows.along(ky));
+        let [z0, z1, z2] = rows.along(kz);
+        let z = [
+            L::load(z0).add(oz),
+            L::load(z1).add(oz),
+            L::load(z2).add(oz),
+        ];
+        let x = [
+            L::load(x0).add(ox).sub(sx.mul(z[0])),
+            L::load(x1).add(ox).sub(sx.mul(z[1])),
+            L::load(x2).add(ox).sub(sx.mul(z[2])),
+        ];
+        let y = [
+            L::load(y0).add(oy).sub(sy.mul(z[0])),
+            L::load(y1).add(oy).sub(sy.mul(z[1])),
+            L::load(y2).add(oy).sub(sy.mul(z[2])),
+        ];
+        let edges = [
+            x[2].mul(y[1]).sub(y[2].mul(x[1])),
+            x[0].mul(y[2]).sub(y[0].mul(x[2])),
+            x[1].mul(y[0]).sub(y[1].mul(x[0])),
+        ];
+        Block { x, y, z, edges }
+    }
+
+    /// A bit for each triangle that [`Shear::meet`] does not refuse by the signs of the f32 edge
+    /// functions.
+    #[inline(always)]
+    fn met(&self) -> u32 {
+        let [u, v, w] = self.edges;
+        let zero = L::splat(0.0);
+        !(u.min(v).min(w).lt(zero) & zero.lt(u.max(v).max(w)))
+    }
+
+    /// A bit for each triangle of which the f32 edge functions are all positive or all negative.
+    /// Those in f64 are so too.
+    #[inline(always)]
+    fn inside(&self) -> u32 {
+        let [u, v, w] = self.edges;
+        let zero = L::splat(0.0);
+        zero.lt(u.min(v).min(w)) | u.max(v).max(w).lt(zero)
+    }
+
+    /// Where the ray meets the planes of the triangles.
+    #[inline(always)]
+    fn depths(&self, shear: &Shear) -> Depths<L> {
+        let [u, v, w] = self.edges;
+        let [az, bz, cz] = self.z;
+        let determinant = u.add(v).add(w);
+        let depth = w.mul_add(cz, v.mul_add(bz, u.mul(az)));
+        let [x0, x1, x2] = self.x;
+        let [y0, y1, y2] = self.y;
+        let x = x0.abs().max(x1.abs()).max(x2.abs());
+        let y = y0.abs().max(y1.abs()).max(y2.abs());
+        Depths {
+            depth: depth
+                .times_sign(determinant)
+                .times_sign(L::splat(shear.along)),
+            size: determinant.abs(),
+            // Numbers too small to be normal are off by as much, whatever their size.
+            product: x.mul_add(y, L::splat(f32::MIN_POSITIVE)),
+            across: x.max(y),
+        }
+    }
+}
+
+/// Where the ray meets the planes of the triangles of a leaf: at a t of `depth` over `size`, in
+/// multiples of the direction's largest component.
+struct Depths<L> {
+    depth: L,
+    size: L,
+    /// A bound of the products that edge functions are made of.
+    product: L,
+    /// The largest coordinate across the ray.
+    across: L,
+}
+
+impl<L: Lanes> Depths<L> {
+    /// A bit for each triangle that is met, if at all, before the lowest t that is wanted, by more
+    /// than rounding.
+    #[inline(always)]
+    fn before(&self, (low, error): (f32, f32)) -> u32 {
+        let off = self
+            .product
+            .mul_add(L::splat(error), L::splat(f32::MIN_POSITIVE));
+        let depth = self.size.mul_add(L::splat(-low), self.depth);
+        self.sure() & depth.add(off).lt(L::splat(0.0))
+    }
+
+    /// A bit for each triangle that is met, if at all, beyond the highest t that is wanted, by more
+    /// than rounding.
+    #[inline(always)]
+    fn beyond(&self, (high, error): (f32, f32)) -> u32 {
+        let off = self
+            .product
+            .mul_add(L::splat(error), L::splat(f32::MIN_POSITIVE));
+        let depth = self.size.mul_add(L::splat(-high), self.depth);
+        self.sure() & off.lt(depth)
+    }
+
+    /// A bit for each triangle that is met between two t, whatever rounding does, if it is met
+    /// inside.
+    #[inline(always)]
+    fn within(&self, low: f32, high: f32, reach: f32) -> u32 {
+        let tiny = L::splat(f32::MIN_POSITIVE);
+        let unit = self.across.mul(L::splat(SURE_ERROR * reach));
+        let above_low = self.size.mul_add(L::splat(-low), self.depth);
+        let after = unit
+            .mul_add(L::splat(reach + low.abs()), tiny)
+            .lt(above_low);
+        let sure = unit.add(tiny).lt(self.size);
+        if high == f32::INFINITY {
+            return sure & after;
+        }
+        let above_high = self.size.mul_add(L::splat(-high), self.depth);
+        let off = unit.mul_add(L::splat(reach + high.abs()), tiny);
+        sure & after & above_high.add(off).lt(L::splat(0.0))
+    }
+
+    /// Whether the sign of the determinant is known.
+    #[inline(always)]
+    fn sure(&self) -> u32 {
+        self.product.mul(L::splat(T_ERROR)).lt(self.size)
+    }
+
+    /// Of these triangles, the one that is probably met first.
+    #[inline(always)]
+    fn first(&self, mut candidates: u32) -> usize {
+        let (depths, sizes) = (self.depth.to_array(), self.size.to_array());
+        let mut first = candidates.trailing_zeros() as usize;
+        candidates &= candidates - 1;
+        while candidates != 0 {
+            let other = candidates.trailing_zeros() as usize;
+            candidates &= candidates - 1;
+            if depths[other] * sizes[first] < depths[first] * sizes[other] {
+                first = other;
+            }
+        }
+        first
+    }
+}
+
+/// A limit of t in multiples of the direction's largest component, and what rounding may do to it
+/// over the bound of a triangle's products.
+#[inline(always)]
+fn limit(t: f32, shear: &Shear, reach: f32) -> (f32, f32) {
+    let t = t * shear.along.abs();
+    (t, T_ERROR * (reach + t.abs() + f32::MIN_POSITIVE))
+}
+
+/// A triangle of a leaf that the f32 edge functions do not refuse.
+struct InLeaf<'a> {
+    index: u32,
+    /// Its place in the leaf.
+    slot: usize,
+    rows: Rows<'a>,
+}
+
+impl Triangle for InLeaf<'_> {
+    #[inline(always)]
+    fn index(&self) -> u32 {
+        self.index
+    }
+
+    #[inline(always)]
+    fn corners(&self) -> [[f32; 3]; 3] {
+        self.rows.corners(self.slot)
+    }
+
+    #[inline(always)]
+    fn meet(&self, shear: &Shear) -> Option<Hit> {
+        shear.meet_exactly(&self.corners(), self.index)
+    }
+}
+
+/// Asks a search about the triangles of a leaf that the ray may hit beyond `t_min`; `reach` as in
+/// [`super::line::Line`]. True where the search has been asked about any.
+#[inline(always)]
+pub(super) fn visit<L: Lanes, S: Search>(
+    wide: &Wide,
+    (start, count): (usize, usize),
+    (t_min, reach): (f32, f32),
+    search: &mut S,
+) -> ControlFlow<(), bool> {
+    let rows = Rows::new(wide, start, count);
+    let in_leaf = |slot: usize| InLeaf {
+        index: wide.triangles[start + slot],
+        slot,
+        rows,
+    };
+    let t_max = search.limit_above();
+    let Some(shear) = search.shear() else {
+        for slot in 0..count {
+            search.test(&in_leaf(slot))?;
+        }
+        return ControlFlow::Continue(true);
+    };
+    let block = Block::<L>::new(shear, rows);
+    let mut candidates = block.met() & ((1 << count) - 1);
+    if candidates == 0 {
+        return ControlFlow::Continue(false);
+    }
+    let depths = block.depths(shear);
+    let (low, high) = (limit(t_min, shear, reach), limit(t_max, shear, reach));
+    if S::NEEDS_NO_HIT && candidates & block.inside() & depths.within(low.0, high.0, reach) != 0 {
+        search.found_without_hit();
+        return ControlFlow::Break(());
+    }
+    candidates &= !(depths.before(low) | depths.beyond(high));
+    if candidates == 0 {
+        return ControlFlow::Continue(false);
+    }
+    loop {
+        let slot = match S::NEAREST_FIRST {
+            true => depths.first(candidates),
+            false => candidates.trailing_zeros() as usize,
+        };
+        search.test(&in_leaf(slot))?;
+        candidates &= !(1 << slot);
+        if candidates == 0 {
+            return ControlFlow::Continue(true);
+        }
+        let t_max = search.limit_above();
+        if let Some(shear) = search.shear() {
+            candidates &= !depths.beyond(limit(t_max, shear, reach));
+        }
+        if candidates == 0 {
+            return ControlFlow::Continue(true);
+        }
+    }
+}

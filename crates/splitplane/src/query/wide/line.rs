@@ -1,0 +1,224 @@
+//! A ray as boxes see it.
+
+use glam::Vec3A;
+
+use crate::geometry::{Frame, Ray};
+use crate::tree::wide::{WIDTH, Wide, WideNode};
+
+/// How far a box is widened on every side, in units of ε/2 times the distance of the scene's
+/// furthest point from the ray's origin along an axis, R.
+///
+/// 16 for the triangle test (`TEST_ERROR` in `traverse`), along any direction. In a frame,
+/// coordinates are up to √3 · R. The origin is rounded when the centre is taken off, three times on
+/// its way into the frame and once with the margin; the direction three times; the origin's product
+/// with the inverse direction, a box's distance times it, and the inverse once each: 11 · √3 < 20;
+/// without fused multiply-add the box's product is one more. The rest is for R and the margin being
+/// rounded themselves.
+const BOX_ERROR: f32 = 40.0;
+
+/// Components of the direction that are smaller are taken for this large: where the largest one is
+/// not below 2^-20, they move the ray by less than any rounding. With it no product overflows.
+const SMALLEST: f32 = 1e-18;
+
+/// With a margin as large as this, beyond 10^17 between a ray's origin and a scene, all boxes are
+/// visited.
+const FAR_MARGIN: f32 = 1e12;
+
+/// Within this many half extents of a scene all rays have the same margin.
+const NEAR: f32 = 4.0;
+
+/// From this distance on, products of lengths may overflow.
+const FAR_REACH: f32 = 1e9;
+
+/// Biased exponents of a direction's largest component that need no care: from 2^-20 to 2^20.
+const ORDINARY: std::ops::Range<u32> = 127 - 20..127 + 20;
+
+/// A row of a node's boxes, by where it begins in the node, in bytes.
+#[derive(Clone, Copy)]
+pub(super) struct Row(usize);
+
+impl Row {
+    #[inline(always)]
+    pub(super) fn of(self, node: &WideNode) -> &[f32; WIDTH] {
+        // SAFETY: a node begins with six rows, and the only `Row`s are those of `ROWS`.
+        unsafe { &*std::ptr::from_ref(node).byte_add(self.0).cast() }
+    }
+}
+
+/// Per axis, the rows where a ray enters boxes and where it leaves them.
+pub(super) type Rows = [[Row; 2]; 3];
+
+/// By the axes along which the direction is negative, a bit for each. A table, since compilers try
+/// too hard otherwise.
+static ROWS: [Rows; 8] = {
+    let mut table = [[[Row(0); 2]; 3]; 8];
+    let mut signs = 0;
+    while signs < 8 {
+        let mut axis = 0;
+        while axis < 3 {
+            let row = size_of::<[f32; WIDTH]>();
+            let (low, high) = (Row(axis * row), Row((axis + 3) * row));
+            table[signs][axis] = match signs >> axis & 1 {
+                0 => [low, high],
+                _ => [high, low],
+            };
+            axis += 1;
+        }
+        signs += 1;
+    }
+    table
+};
+
+/// A ray as boxes of one frame see it: it is at a coordinate c at t = c · inverse + offset.
+#[derive(Clone, Copy)]
+pub(super) struct FrameRay {
+    pub(super) inverse: [f32; 3],
+    /// For the side of a box where the ray enters, and for that where it leaves: moved so that
+    /// boxes seem larger by the margin.
+    pub(super) offsets: [[f32; 3]; 2],
+    pub(super) rows: &'static Rows,
+}
+
+/// A ray as the traversal sees it: relative to the centre of the scene.
+pub(super) struct Line {
+    origin: Vec3A,
+    direction: Vec3A,
+    margin: f32,
+    /// t of the traversal over t of the ray: a power of two.
+    scale: f32,
+    /// No point of the scene is further from the origin along an axis; infinite where products
+    /// with it may overflow.
+    pub(super) reach: f32,
+}
+
+impl Line {
+    #[inline(always)]
+    pub(super) fn new(wide: &Wide, ray: &Ray) -> Self {
+        let origin = Vec3A::from(ray.origin) - Vec3A::from(wide.center);
+        let direction = Vec3A::from(ray.direction);
+        let reach = origin.abs().max_element() + wide.half_extent;
+        let exponent = direction.abs().max_element().to_bits() >> 23;
+        // Most rays begin in the scene or near it; theirs is known before their origin is.
+        let margin = match reach < NEAR * wide.half_extent {
+            true => margin(NEAR * wide.half_extent),
+            false => margin_apart(reach),
+        };
+        // An origin that is far away may overflow to what is not a number.
+        let (direction, scale, reach) = match ORDINARY.contains(&exponent) && reach < FAR_REACH {
+            true => (direction, 1.0, reach),
+            false => with_care(ray, margin, reach),
+        };
+        Line {
+            origin,
+            direction,
+            margin,
+            scale,
+            reach,
+        }
+    }
+
+    /// No less than a t of the ray. It is multiplied exactly, unless it gets too small to be normal.
+    #[inline(always)]
+    pub(super) fn t_above(&self, t: f32) -> f32 {
+        t * self.scale + f32::MIN_POSITIVE
+    }
+
+    /// No more than a t of the ray.
+    #[inline(always)]
+    pub(super) fn t_below(&self, t: f32) -> f32 {
+        t * self.scale - f32::MIN_POSITIVE
+    }
+
+    #[inline(always)]
+    pub(super) fn in_world(&self) -> FrameRay {
+        along(self.origin, self.direction, self.margin)
+    }
+
+    #[inline(always)]
+    pub(super) fn in_frame(&self, frame: u32, frames: &[Frame]) -> FrameRay {
+        turned(
+            self.origin,
+            self.direction,
+            self.margin,
+            &frames[frame as usize],
+        )
+    }
+}
+
+/// Apart and from values, so that what is always there stays in registers.
+#[inline(never)]
+fn turned(origin: Vec3A, direction: Vec3A, margin: f32, frame: &Frame) -> FrameRay {
+    let [a, b, c] = frame.rows;
+    let x = Vec3A::new(a[0], b[0], c[0]);
+    let y = Vec3A::new(a[1], b[1], c[1]);
+    let z = Vec3A::new(a[2], b[2], c[2]);
+    let (o, d) = (origin, direction);
+    along(
+        x * o.x + y * o.y + z * o.z,
+        x * d.x + y * d.y + z * d.z,
+        margin,
+    )
+}
+
+#[inline(always)]
+fn along(origin: Vec3A, direction: Vec3A, margin: f32) -> FrameRay {
+    if is_far(margin) {
+        return FAR;
+    }
+    let size = direction.abs().max(Vec3A::splat(SMALLEST));
+    let inverse = Vec3A::ONE / size.copysign(direction);
+    let margin = Vec3A::splat(margin).copysign(direction);
+    FrameRay {
+        inverse: inverse.to_array(),
+        offsets: [
+            (-(origin + margin) * inverse).to_array(),
+            (-(origin - margin) * inverse).to_array(),
+        ],
+        rows: &ROWS[direction.is_negative_bitmask() as usize & 7],
+    }
+}
+
+#[inline(always)]
+fn margin(reach: f32) -> f32 {
+    // Numbers too small to be normal are rounded by as much, whatever their size.
+    BOX_ERROR * (0.5 * f32::EPSILON * reach + f32::from_bits(1))
+}
+
+/// Apart, so that it is not taken for part of the other case.
+#[inline(never)]
+fn margin_apart(reach: f32) -> f32 {
+    margin(reach)
+}
+
+#[inline(always)]
+fn is_far(margin: f32) -> bool {
+    margin >= FAR_MARGIN || margin.is_nan()
+}
+
+/// The direction of a ray that is far away or has an extreme direction, divided by a power of two,
+/// that power, and the reach.
+#[cold]
+fn with_care(ray: &Ray, margin: f32, reach: f32) -> (Vec3A, f32, f32) {
+    let direction = glam::Vec3::from(ray.direction).as_dvec3();
+    // Every f32 is a normal f64.
+    let exponent = direction.abs().max_element().to_bits() >> 52;
+    let per_scale = f64::from_bits((2 * 1023 - exponent) << 52);
+    let scale = f64::from_bits(exponent << 52) as f32;
+    let far_scale = if is_far(margin) { FAR_SCALE } else { 1.0 };
+    let reach = match reach < FAR_REACH {
+        true => reach,
+        false => f32::INFINITY,
+    };
+    ((direction * per_scale).as_vec3a(), scale * far_scale, reach)
+}
+
+/// t of a ray that is far away is multiplied by this, so that it is well between the two ends of
+/// [`FAR`].
+const FAR_SCALE: f32 = f32::from_bits((127 - 20) << 23);
+
+/// A ray that meets all boxes but the absent ones, whose sides are infinite.
+const FAR: FrameRay = FrameRay {
+    inverse: [1e-3; 3],
+    offsets: [[f32::MIN; 3], [f32::MAX; 3]],
+    rows: &ROWS[0],
+};
