@@ -114,6 +114,7 @@ pub struct CheckCommand {
 #[command(after_help = "Examples:
   splitplane build truck --tree wn+kd:6
   splitplane build truck --tree kd,wn+kd:6,ize-kd --repeat 5 --threads 1
+  splitplane build truck --tree wn+kd:6 --timeline build.json
   splitplane build model.ply --tree kd --preset thesis --json
   splitplane build model.ply --tree wn+kd:6 --layout wide -o model.spt
   splitplane cast model.ply --tree model.spt --rays rays.npy --out hits.npz")]
@@ -136,6 +137,9 @@ pub struct BuildCommand {
     /// several times as fast
     #[arg(long, default_value_t = Layout::Binary, value_name = "LAYOUT", help_heading = "How trees are built")]
     pub layout: Layout,
+    /// Write what each thread did and when, as trace events for Perfetto or chrome://tracing
+    #[arg(long, value_name = "FILE.json")]
+    pub timeline: Option<PathBuf>,
     /// Print the card as JSON; the cards of all builds where there are several
     #[arg(long)]
     pub json: bool,

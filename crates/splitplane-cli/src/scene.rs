@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use miette::{LabeledSpan, NamedSource, Report};
-use splitplane::Mesh;
+use splitplane::{Mesh, Progress};
 use splitplane_lab::{Built, Settings, build, build_scene, load_tree};
 use splitplane_render::SceneError;
 use splitplane_render::scene::{Instancing, LoadOptions, Scene, load as load_scene};
@@ -74,10 +74,21 @@ pub fn tree(
     settings: &mut Settings,
     bar: &Bar,
 ) -> Result<Built, Failure> {
+    watched_tree(source, mesh, args, settings, (bar, "", bar))
+}
+
+/// As [`tree`], with the bar saying which one of several builds it is, and `progress` told of it.
+pub fn watched_tree(
+    source: &TreeSource,
+    mesh: &Mesh,
+    args: &BuildArgs,
+    settings: &mut Settings,
+    (bar, which, progress): (&Bar, &str, &dyn Progress),
+) -> Result<Built, Failure> {
     match source {
         TreeSource::Built(choice) => {
-            bar.spin(format!("{choice}: building the tree"));
-            Ok(build(mesh, *choice, settings, bar)?)
+            bar.spin(format!("{choice}: building the tree{which}"));
+            Ok(build(mesh, *choice, settings, progress)?)
         }
         TreeSource::Saved(path) => {
             if args.say_how() {

@@ -17,6 +17,7 @@ mod reproduce;
 mod run;
 mod slice;
 mod stats;
+mod timeline;
 pub mod verify;
 mod window;
 
@@ -25,7 +26,7 @@ use std::path::PathBuf;
 pub use compare::{
     ComparedTree, Comparison, Difference, Row, Step, Task, Unit, Watch, compare, rows,
 };
-pub use machine::{Machine, OthersLoad, peak_memory_bytes};
+pub use machine::{Machine, OthersLoad, forget_peak_memory, peak_memory_bytes};
 pub use objects::{Objects, build_scene};
 pub use params::{
     ParamsRecord, Preset, UnknownName, ties_name, ties_named, traversal_name, traversal_named,
@@ -45,6 +46,7 @@ pub use run::{
 pub use slice::{Slice, SliceSettings};
 pub use splitplane::write_whole;
 pub use stats::{CONFIDENCE, Estimate, estimate, median};
+pub use timeline::Timeline;
 pub use window::{Resolution, crop_named};
 
 /// What can go wrong in the laboratory.

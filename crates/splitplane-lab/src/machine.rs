@@ -124,6 +124,12 @@ pub fn peak_memory_bytes() -> Option<u64> {
     Some(kib * 1024)
 }
 
+/// From now on, [`peak_memory_bytes`] is about what is held from now on; `false` where the system
+/// cannot do that (Linux can).
+pub fn forget_peak_memory() -> bool {
+    std::fs::write("/proc/self/clear_refs", "5").is_ok()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -85,7 +85,8 @@ pub mod references {
 }
 
 pub use build::{
-    BuildError, BuildParams, BuildStats, DepthLimit, ObliquePricing, Progress, Ties, Wins,
+    BuildError, BuildParams, BuildPart, BuildStats, DepthLimit, ObliquePricing, Progress, Ties,
+    Wins,
 };
 pub use catalog::{Directions, ParseTreeError, TREES, TreeChoice, TreeSpec};
 pub use geometry::{Aabb, Mesh, MeshError, Parts, Ray, Skipped};

@@ -2,7 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use splitplane_lab::{CardRecord, Layouts, Preset, median, save_tree};
+use splitplane::Progress;
+use splitplane_lab::{
+    CardRecord, LabError, Layouts, Preset, Timeline, forget_peak_memory, median, peak_memory_bytes,
+    save_tree, write_whole,
+};
 use splitplane_render::scene::Instancing;
 
 use crate::args::BuildCommand;
@@ -24,10 +28,27 @@ pub fn run(command: &BuildCommand) -> Result<(), Failure> {
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, Instancing::Flattened, quiet)?;
-    let (mut cards, mut last) = (Vec::new(), None);
-    for _ in 0..command.repeat {
+    let timeline = Timeline::default();
+    let (mut cards, mut peaks, mut last) = (Vec::new(), Vec::new(), None);
+    for repetition in 0..command.repeat {
         for tree in &command.tree {
-            let built = scene::tree(tree, &scene.mesh, &command.build, &mut settings, &bar)?;
+            let which = match command.repeat {
+                1 => String::new(),
+                repeat => format!(" ({} of {repeat})", repetition + 1),
+            };
+            let timed = command.timeline.as_ref().map(|_| {
+                let name = format!("{tree}{which}");
+                timeline.build(cards.len(), &name, &bar)
+            });
+            let progress: &dyn Progress = match &timed {
+                Some(timed) => timed,
+                None => &bar,
+            };
+            let is_known = forget_peak_memory();
+            let watched = (&bar, which.as_str(), progress);
+            let built =
+                scene::watched_tree(tree, &scene.mesh, &command.build, &mut settings, watched)?;
+            peaks.push(peak_memory_bytes().filter(|_| is_known));
             cards.push(CardRecord::new(&built, &scene.name, &settings));
             last = Some(built.tree);
         }
@@ -37,11 +58,20 @@ pub fn run(command: &BuildCommand) -> Result<(), Failure> {
         save_tree(out, &tree)?;
     }
     progress::clear();
+    if let Some(path) = &command.timeline {
+        let write = |file: &mut std::io::BufWriter<_>| {
+            Ok(serde_json::to_writer(file, &timeline.to_json())?)
+        };
+        write_whole(path, write).map_err(|source| LabError::Write {
+            path: path.clone(),
+            source,
+        })?;
+    }
     match (&cards[..], command.json) {
         ([card], false) => print::line(&text(card))?,
         ([card], true) => print::line(&json(card)?)?,
         (cards, true) => print::line(&json(cards)?)?,
-        (cards, false) => print::line(&table(cards, command))?,
+        (cards, false) => print::line(&table(cards, &peaks, command))?,
     }
     Ok(())
 }
@@ -51,7 +81,7 @@ fn json(value: &(impl serde::Serialize + ?Sized)) -> Result<String, Failure> {
 }
 
 /// How long several trees took, and what came of it.
-fn table(cards: &[CardRecord], command: &BuildCommand) -> String {
+fn table(cards: &[CardRecord], peaks: &[Option<u64>], command: &BuildCommand) -> String {
     let trees = command.tree.len();
     let header = [
         "tree",
@@ -63,6 +93,7 @@ fn table(cards: &[CardRecord], command: &BuildCommand) -> String {
         "references",
         "SAH cost",
         "size",
+        "peak memory",
     ];
     let rows: Vec<Vec<String>> = (0..trees)
         .map(|tree| {
@@ -82,6 +113,8 @@ fn table(cards: &[CardRecord], command: &BuildCommand) -> String {
                 grouped(card.references),
                 measured(card.sah_cost),
                 bytes(card.tree_bytes),
+                // The first build's: later ones find memory that earlier ones left.
+                peaks[tree].map_or_else(|| "–".to_owned(), bytes),
             ]
         })
         .collect();

@@ -1,7 +1,5 @@
 //! The cell of a node: a box while only axes have split it, then a convex polytope.
 
-use std::borrow::Cow;
-
 use super::grow::SplitPlane;
 use crate::geometry::Aabb;
 use crate::geometry::polytope::{CutScratch, Polytope};
@@ -20,14 +18,6 @@ impl Cell {
         }
     }
 
-    /// The cell as a polytope.
-    pub(crate) fn to_polytope(&self) -> Cow<'_, Polytope> {
-        match self {
-            Cell::Box(aabb) => Cow::Owned(Polytope::from_box(aabb)),
-            Cell::Polytope(polytope) => Cow::Borrowed(polytope),
-        }
-    }
-
     /// Those of the parts below and above that are wanted; `None` where the cell is too thin to be
     /// cut.
     pub(crate) fn cut(
@@ -43,10 +33,15 @@ impl Cell {
                 above.min[axis] = plane.boundary.offset;
                 Some([below, above].map(|part| Some(Cell::Box(part))))
             }
-            _ => {
+            (cell, _) => {
                 let normal = glam::Vec3::from(plane.normal).as_dvec3();
                 let offset = f64::from(plane.boundary.offset);
-                let parts = self.to_polytope().cut(normal, offset, wanted, scratch)?;
+                let parts = match cell {
+                    Cell::Polytope(polytope) => polytope.cut(normal, offset, wanted, scratch)?,
+                    Cell::Box(aabb) => {
+                        Polytope::from_box(aabb).cut(normal, offset, wanted, scratch)?
+                    }
+                };
                 Some(parts.map(|part| part.map(Cell::Polytope)))
             }
         }

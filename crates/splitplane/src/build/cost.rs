@@ -62,15 +62,21 @@ impl<P: Copy> Contest<P> {
         if !spec.axis_nodes {
             return oblique.min(axis);
         }
-        // Where the best axis beats a leaf, the constant price decides nothing any more, and an
-        // oblique plane must make up for the linear one.
         let axis_cost = params.kd_traversal_cost + params.intersection_cost * axis;
-        if axis_cost >= params.intersection_cost * n as f64 {
+        let leaf_cost = params.intersection_cost * n as f64;
+        let may_be_left_alone = is_hopeless(axis_cost, leaf_cost, n);
+        if axis == f64::INFINITY || may_be_left_alone || params.intersection_cost == 0.0 {
             return oblique;
         }
+        // At the linear price an oblique plane must beat the best axis. Where that one does not
+        // beat a leaf, an oblique plane may, at the constant price.
         let linear = linear_cost(params, n);
-        let rounding = 1e-12 * (axis_cost + linear);
-        oblique.min((axis_cost - linear + rounding) / params.intersection_cost)
+        let rounding = 1e-12 * (axis_cost + linear + params.oblique_traversal_cost);
+        let mut most = axis_cost - linear;
+        if axis_cost >= leaf_cost {
+            most = most.max(leaf_cost - params.oblique_traversal_cost);
+        }
+        oblique.min((most + rounding) / params.intersection_cost)
     }
 
     /// The split to make in a node of `n` triangles, priced as the tree prices; `None` where there
@@ -97,7 +103,7 @@ impl<P: Copy> Contest<P> {
             plane,
             areas: best.areas,
             bad_refine: lowest_cost > leaf_cost,
-            hopeless: lowest_cost > 4.0 * leaf_cost && n < 16,
+            hopeless: is_hopeless(lowest_cost, leaf_cost, n),
         };
         if !spec.axis_nodes {
             let constant = params.oblique_traversal_cost;
@@ -121,6 +127,11 @@ impl<P: Copy> Contest<P> {
         };
         Some(choice(taken, lowest_cost))
     }
+}
+
+/// A split of this cost is so much worse than a leaf that a small node is better left alone.
+fn is_hopeless(cost: f64, leaf_cost: f64, n: usize) -> bool {
+    cost > 4.0 * leaf_cost && n < 16
 }
 
 /// What a visit of an oblique node of `n` triangles costs where it competes with kd nodes.

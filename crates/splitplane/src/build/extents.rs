@@ -1,5 +1,8 @@
 //! How far a node's triangles reach along a direction, several at a time.
 
+use rayon::prelude::*;
+
+use super::grow::PARALLEL_FROM;
 use super::params::Ties;
 
 /// Triangles that are projected together.
@@ -24,16 +27,23 @@ pub(super) struct Extents {
 }
 
 impl Corners {
-    pub(super) fn gather(&mut self, triangles: impl ExactSizeIterator<Item = [[f32; 3]; 3]>) {
-        self.count = triangles.len();
-        self.blocks.clear();
+    /// Takes `count` triangles, of which the one with the index i has the corners `of(i)`.
+    pub(super) fn gather(&mut self, count: usize, of: impl Fn(usize) -> [[f32; 3]; 3] + Sync) {
+        self.count = count;
         self.blocks
-            .resize(self.count.div_ceil(LANES), Block([[0.0; LANES]; 9]));
-        for (i, corners) in triangles.enumerate() {
-            let block = &mut self.blocks[i / LANES].0;
-            for (row, &c) in block.iter_mut().zip(corners.as_flattened()) {
-                row[i % LANES] = c;
+            .resize(count.div_ceil(LANES), Block([[0.0; LANES]; 9]));
+        let fill = |(at, block): (usize, &mut Block)| {
+            let start = at * LANES;
+            for i in start..count.min(start + LANES) {
+                for (row, &c) in block.0.iter_mut().zip(of(i).as_flattened()) {
+                    row[i - start] = c;
+                }
             }
+        };
+        if count < PARALLEL_FROM {
+            self.blocks.iter_mut().enumerate().for_each(fill);
+        } else {
+            self.blocks.par_iter_mut().enumerate().for_each(fill);
         }
     }
 

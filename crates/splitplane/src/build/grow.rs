@@ -7,19 +7,22 @@ use super::cost::{Choice, Contest};
 use super::extents::{Corners, Extents};
 use super::lists::{LISTS_FROM, MAX_LISTED, SortedLists};
 use super::params::{BuildParams, BuildStats, Ties};
-use super::search::{Search, SearchScratch, Shape};
+use super::search::{Best, Search, SearchScratch, Shape};
 use super::sweep::{Events, search_extents, sweep};
 use super::ties::Boundary;
 use super::triangle_planes::{self, PlaneSearch, TrianglePlane};
-use super::watch::{Progress, WHOLE, Watched, divide};
+use super::watch::{BuildPart, Progress, WHOLE, Watched, divide};
 use super::{framed, objects};
 use crate::catalog::{Directions, TreeChoice};
 use crate::directions::{self, NodeView, Random, fixed};
-use crate::geometry::polytope::CutScratch;
+use crate::geometry::polytope::{CutScratch, Polytope};
 use crate::geometry::{Aabb, Frame, Mesh};
 
 /// Subtrees with at least this many triangles are built in parallel.
 pub(super) const PARALLEL_FROM: usize = 4096;
+
+/// In a node of at least this many triangles each direction is swept on its own, in parallel.
+const SHARED_FROM: usize = 1 << 14;
 
 /// In a node of at least this many triangles it is asked whether to stop.
 pub(super) const ASKED_FROM: usize = 64;
@@ -95,8 +98,32 @@ pub(crate) struct Built {
     /// The frames of the boxes, where there are others than the world's.
     pub(crate) frames: Vec<Frame>,
     pub(crate) stats: BuildStats,
+    pub(crate) work: Work,
     /// The directions of the whole tree, where it has such.
     pub(crate) fixed: Vec<[f32; 3]>,
+}
+
+/// How much a build has done: exact, so that a build which does more than the last one is seen,
+/// whatever the machine. Candidates are in [`BuildStats`].
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) struct Work {
+    /// Directions along which the triangles of a node were swept.
+    pub(crate) sweeps: u64,
+    /// Events that were swept: those of the triangles, along each direction.
+    pub(crate) events: u64,
+    /// Planes across oblique directions, or in oblique cells, whose areas were computed.
+    pub(crate) areas: u64,
+    /// References that were handed to children.
+    pub(crate) moved: u64,
+}
+
+impl std::ops::AddAssign for Work {
+    fn add_assign(&mut self, other: Work) {
+        self.sweeps += other.sweeps;
+        self.events += other.events;
+        self.areas += other.areas;
+        self.moved += other.moved;
+    }
 }
 
 impl Built {
@@ -127,6 +154,7 @@ impl Built {
         self.references.append(&mut other.references);
         self.boxes.append(&mut other.boxes);
         self.stats += other.stats;
+        self.work += other.work;
     }
 }
 
@@ -153,13 +181,34 @@ struct Node {
 #[derive(Default)]
 struct Scratch {
     corners: Corners,
-    extents: Extents,
-    events: Events,
     directions: Vec<[f32; 3]>,
-    search: SearchScratch,
+    sweeps: SweepScratch,
+    /// The cell of a node that is a box.
+    of_box: Polytope,
     cut: CutScratch,
     /// On which sides of a plane a triangle of the mesh is: 1 below, 2 above, 3 both.
     sides: Vec<u8>,
+    /// The triangles below and above a plane.
+    parts: [Vec<u32>; 2],
+}
+
+/// Buffers of sweeps.
+#[derive(Default)]
+struct SweepScratch {
+    extents: Extents,
+    events: Events,
+    search: SearchScratch,
+}
+
+/// What the sweeps of a node have in common.
+struct Swept<'a> {
+    node: &'a Node,
+    cell: &'a Cell,
+    shape: Option<Shape<'a>>,
+    /// The node has lists of the first so many directions.
+    listed: usize,
+    /// The triangles, for other directions.
+    corners: &'a Corners,
 }
 
 struct Builder<'a> {
@@ -207,7 +256,7 @@ pub(crate) fn grow(
     let axes = if spec.axes { AXES.as_slice() } else { &[] };
     let listed_axes = axes.iter().map(|&axis| (axis, Origin::Axis));
     let listed_fixed = fixed.iter().enumerate().skip(axes.len());
-    let all = || 0..mesh.triangles().len() as u32;
+    let all = || (0..mesh.triangles().len() as u32).into_par_iter();
     let corners: Vec<_> = all().map(|i| mesh.corners(i)).collect();
     let mut builder = Builder {
         mesh,
@@ -284,7 +333,9 @@ impl Builder<'_> {
 
     /// Appends the subtree of `node`.
     fn grow(&self, mut node: Node, built: &mut Built, scratch: &mut Scratch) {
-        let stopped = node.triangles.len() >= ASKED_FROM && self.watched.ask();
+        let n = node.triangles.len();
+        let _part = self.watched.part(BuildPart::Subtree, n);
+        let stopped = n >= ASKED_FROM && self.watched.ask();
         let children = match stopped {
             true => None,
             false => self.divide(&mut node, built, scratch),
@@ -323,7 +374,10 @@ impl Builder<'_> {
     ) -> Option<(SplitPlane, [Node; 2])> {
         let n = node.triangles.len();
         let cell = node.cell.take()?;
-        let (contest, candidates) = self.contest(node, &cell, scratch);
+        let part = self.watched.part(BuildPart::Search, n);
+        let (contest, candidates, work) = self.contest(node, &cell, scratch);
+        drop(part);
+        built.work += work;
         let stats = &mut built.stats;
         stats.candidates += candidates;
         let choice = contest.decide(self.choice.spec, self.params, n)?;
@@ -332,12 +386,14 @@ impl Builder<'_> {
             self.recycle(cell, scratch);
             return None;
         }
+        let _part = self.watched.part(BuildPart::Divide, n);
         let triangles = self.sides(node, &choice.plane, scratch);
         let references = triangles[0].len() + triangles[1].len();
         if references > n && references as f64 > node.references {
             stats.limited_leaves += 1;
             return None;
         }
+        built.work.moved += references as u64;
         stats.count_win(&choice.plane);
         stats.bad_refines += u64::from(choice.bad_refine);
         let children = self.children(node, cell, &choice, triangles, (stats, scratch));
@@ -356,21 +412,27 @@ impl Builder<'_> {
         node: &Node,
         cell: &Cell,
         scratch: &mut Scratch,
-    ) -> (Contest<SplitPlane>, u64) {
+    ) -> (Contest<SplitPlane>, u64, Work) {
         let (spec, params) = (self.choice.spec, self.params);
         let n = node.triangles.len();
         let mut contest = Contest::new();
-        let mut candidates = 0;
-        let polytope = (!spec.only_axes()).then(|| cell.to_polytope());
-        let shape = polytope.as_deref().map(Shape::of);
+        let (mut candidates, mut work) = (0, Work::default());
         let Scratch {
             corners,
-            extents,
-            events,
             directions,
-            search: buffers,
+            sweeps,
+            of_box,
             ..
         } = scratch;
+        let polytope = match cell {
+            Cell::Polytope(polytope) => Some(polytope),
+            Cell::Box(_) if spec.only_axes() => None,
+            Cell::Box(aabb) => {
+                of_box.set_box(aabb);
+                Some(&*of_box)
+            }
+        };
+        let shape = polytope.map(Shape::of);
         directions.clear();
         let view = NodeView {
             normals: &self.normals,
@@ -383,53 +445,50 @@ impl Builder<'_> {
             None => 0,
         };
         if self.everywhere.len() + directions.len() > listed {
-            corners.gather(
-                node.triangles
-                    .iter()
-                    .map(|&triangle| self.corners[triangle as usize]),
-            );
+            corners.gather(n, |i| self.corners[node.triangles[i] as usize]);
         }
+        let swept = Swept {
+            node,
+            cell,
+            shape,
+            listed,
+            corners,
+        };
         let own = directions
             .iter()
             .map(|&direction| (direction, Origin::Direction));
-        let all = || self.everywhere.iter().copied().chain(own.clone());
-        let area = shape.map_or(node.area, |shape| shape.area);
+        let all = self.everywhere.iter().copied().chain(own).enumerate();
         // Axes first, since they may compete with other planes at another price.
         for are_axes in [true, false] {
-            let limits = (contest.bar(are_axes, spec, params, n), params.empty_bonus);
-            let mut search = Search::new(area, shape, limits, buffers);
-            for (i, (normal, origin)) in all().enumerate() {
-                if (origin == Origin::Axis) != are_axes {
-                    continue;
-                }
-                let axis = AXES.iter().position(|&axis| axis == normal);
-                match (cell, axis) {
-                    (Cell::Box(aabb), Some(axis)) => search.turn_in_box(aabb, axis),
-                    _ => {
-                        let direction = glam::Vec3::from(normal).as_dvec3();
-                        search.turn(direction, origin != Origin::Direction);
-                    }
-                }
-                candidates += match &node.lists {
-                    Some(lists) if i < listed => sweep(&lists.of(i), self.tolerance, &mut search),
-                    _ => {
-                        corners.extents(params.ties, normal, axis, extents);
-                        search_extents(extents, self.tolerance, events, &mut search)
-                    }
-                };
-                search.probe();
+            let bar = contest.bar(are_axes, spec, params, n);
+            let group = all
+                .clone()
+                .filter(|(_, (_, origin))| (*origin == Origin::Axis) == are_axes);
+            if n < SHARED_FROM {
+                let (found, count, done) = self.sweep(&swept, group, bar, sweeps);
+                candidates += count;
+                work += done;
+                found
+                    .into_iter()
+                    .for_each(|(plane, best)| contest.enter(plane, are_axes, best));
+                continue;
             }
-            if let Some((found, best)) = search.finish(self.tolerance)
-                && let Some((normal, origin)) = all()
-                    .filter(|(_, origin)| (*origin == Origin::Axis) == are_axes)
-                    .nth(found)
-            {
-                let plane = SplitPlane {
-                    normal,
-                    boundary: best.boundary,
-                    origin,
-                };
-                contest.enter(plane, are_axes, best);
+            // Whether there are other threads or not, so that rounding is the same.
+            let group: Vec<_> = group.collect();
+            let all_found: Vec<_> = group
+                .into_par_iter()
+                .map(|direction| {
+                    let _part = self.watched.part(BuildPart::Sweep, n);
+                    let scratch = &mut SweepScratch::default();
+                    self.sweep(&swept, std::iter::once(direction), bar, scratch)
+                })
+                .collect();
+            for (found, count, done) in all_found {
+                candidates += count;
+                work += done;
+                found
+                    .into_iter()
+                    .for_each(|(plane, best)| contest.enter(plane, are_axes, best));
             }
         }
         if let (true, Some(shape)) = (spec.triangle_planes, shape) {
@@ -462,7 +521,64 @@ impl Builder<'_> {
                 contest.enter(plane, false, best);
             }
         }
-        (contest, candidates)
+        (contest, candidates, work)
+    }
+
+    /// The best plane across some of a node's directions, if it has fewer expected tests than `bar`;
+    /// how many planes were candidates, and what was done.
+    fn sweep(
+        &self,
+        swept: &Swept,
+        directions: impl Iterator<Item = (usize, ([f32; 3], Origin))> + Clone,
+        bar: f64,
+        SweepScratch {
+            extents,
+            events,
+            search,
+        }: &mut SweepScratch,
+    ) -> (Option<(SplitPlane, Best)>, u64, Work) {
+        let Swept {
+            node,
+            cell,
+            shape,
+            listed,
+            corners,
+        } = *swept;
+        let area = shape.map_or(node.area, |shape| shape.area);
+        let mut search = Search::new(area, shape, (bar, self.params.empty_bonus), search);
+        let (mut candidates, mut work) = (0, Work::default());
+        for (i, (normal, origin)) in directions.clone() {
+            work.sweeps += 1;
+            work.events += 2 * node.triangles.len() as u64;
+            let axis = AXES.iter().position(|&axis| axis == normal);
+            match (cell, axis) {
+                (Cell::Box(aabb), Some(axis)) => search.turn_in_box(aabb, axis),
+                _ => {
+                    let direction = glam::Vec3::from(normal).as_dvec3();
+                    search.turn(direction, origin != Origin::Direction);
+                }
+            }
+            candidates += match &node.lists {
+                Some(lists) if i < listed => sweep(&lists.of(i), self.tolerance, &mut search),
+                _ => {
+                    corners.extents(self.params.ties, normal, axis, extents);
+                    search_extents(extents, self.tolerance, events, &mut search)
+                }
+            };
+            search.probe();
+        }
+        let (found, areas) = search.finish(self.tolerance);
+        work.areas = areas;
+        let found = found.and_then(|(found, best)| {
+            let (_, (normal, origin)) = directions.clone().nth(found)?;
+            let plane = SplitPlane {
+                normal,
+                boundary: best.boundary,
+                origin,
+            };
+            Some((plane, best))
+        });
+        (found, candidates, work)
     }
 
     /// The extent of a triangle along a direction, which may be an axis.
@@ -478,6 +594,7 @@ impl Builder<'_> {
 
     /// The sorted lists of a node, from nothing.
     fn sorted(&self, triangles: &[u32]) -> Box<SortedLists> {
+        let _part = self.watched.part(BuildPart::Sort, triangles.len());
         let listed = self.everywhere.len().min(MAX_LISTED);
         let axes = self.everywhere.iter().map(|&(normal, _)| {
             let axis = AXES.iter().position(|&axis| axis == normal);
@@ -496,8 +613,11 @@ impl Builder<'_> {
     fn sides(&self, node: &Node, plane: &SplitPlane, scratch: &mut Scratch) -> [Vec<u32>; 2] {
         let axis = plane.axis();
         let n = node.triangles.len();
-        let mut parts = [Vec::with_capacity(n), Vec::with_capacity(n)];
-        let sides = &mut scratch.sides;
+        let Scratch { sides, parts, .. } = scratch;
+        parts.iter_mut().for_each(|part| {
+            part.clear();
+            part.reserve(n);
+        });
         if node.lists.is_some() {
             sides.resize(self.corners.len(), 0);
         }
@@ -514,8 +634,8 @@ impl Builder<'_> {
                 sides[triangle as usize] = u8::from(below) | u8::from(above) << 1;
             }
         }
-        parts.iter_mut().for_each(Vec::shrink_to_fit);
-        parts
+        // As much memory as they take, whatever the node took.
+        [&*parts[0], &*parts[1]].map(<[u32]>::to_vec)
     }
 
     /// The two children of a node with these triangles.
@@ -573,5 +693,94 @@ impl Builder<'_> {
             child(below, lists_below, cell_below, wanted[0], areas.0, shares.0),
             child(above, lists_above, cell_above, wanted[1], areas.1, shares.1),
         ]
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fmt::Write;
+
+    use super::*;
+    use crate::TREES;
+
+    /// A wavy sheet of 2 · side² triangles.
+    fn sheet(side: usize) -> Mesh {
+        let at = |i: usize, j: usize| {
+            let (x, y) = (i as f32, j as f32);
+            [x, y, 0.01 * ((7 * i + 3 * j) % 11) as f32 * (x - y)]
+        };
+        let positions = (0..=side)
+            .flat_map(|i| (0..=side).map(move |j| at(i, j)))
+            .collect();
+        let corner = |i: usize, j: usize| (i * (side + 1) + j) as u32;
+        let triangles = (0..side)
+            .flat_map(|i| (0..side).map(move |j| (i, j)))
+            .flat_map(|(i, j)| {
+                let [a, b] = [corner(i, j), corner(i + 1, j)];
+                let [c, d] = [corner(i, j + 1), corner(i + 1, j + 1)];
+                [[a, b, c], [b, d, c]]
+            })
+            .collect();
+        Mesh::new(positions, triangles).unwrap()
+    }
+
+    fn work_of(mesh: &Mesh, choice: TreeChoice, params: &BuildParams, threads: usize) -> Built {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads);
+        let pool = pool.build().unwrap();
+        pool.install(|| grow(mesh, choice, params, &()).unwrap())
+    }
+
+    /// The gate against builds that do more than they did: exact numbers, where a time or a count of
+    /// instructions would depend on the machine. Where more is meant,
+    /// `INSTA_UPDATE=always cargo test -p splitplane --lib build::` writes the new numbers.
+    #[test]
+    fn no_tree_takes_more_work_than_it_did() {
+        let mesh = sheet(24);
+        let mut table = String::new();
+        for spec in TREES.iter().filter(|spec| !spec.objects && !spec.frames) {
+            let choice = TreeChoice::new(spec.name, None).unwrap();
+            for ties in [Ties::AsPublished, Ties::Tolerant] {
+                let params = BuildParams {
+                    ties,
+                    ..BuildParams::THESIS
+                };
+                let built = work_of(&mesh, choice, &params, 1);
+                let Work {
+                    sweeps,
+                    events,
+                    areas,
+                    moved,
+                } = built.work;
+                writeln!(
+                    table,
+                    "{choice} {ties:?}: {} candidates, {sweeps} sweeps, {events} events, {areas} areas, {moved} moved",
+                    built.stats.candidates
+                )
+                .unwrap();
+            }
+        }
+        insta::assert_snapshot!(table);
+    }
+
+    /// Large enough that directions are shared among threads.
+    #[test]
+    fn threads_change_neither_a_tree_nor_the_work() {
+        let mesh = sheet(96);
+        assert!(mesh.triangles().len() >= SHARED_FROM);
+        for name in ["kd", "wn+kd:5", "rbsp-kd:9"] {
+            let choice: TreeChoice = name.parse().unwrap();
+            let [one, two] = [1, 2].map(|threads| {
+                let params = BuildParams {
+                    max_depth: super::super::params::DepthLimit::Fixed(12),
+                    ..BuildParams::default()
+                };
+                work_of(&mesh, choice, &params, threads)
+            });
+            assert_eq!(one.work, two.work, "{name}");
+            assert!(
+                one.nodes == two.nodes && one.references == two.references,
+                "{name}"
+            );
+        }
     }
 }

@@ -11,6 +11,9 @@ pub(super) const LISTS_FROM: usize = 17;
 /// memory.
 pub(super) const MAX_LISTED: usize = 16;
 
+/// Lists of at least so many events are divided by two threads.
+const SHARED_FROM: usize = 1 << 15;
+
 /// Where a triangle starts or ends.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Event {
@@ -91,12 +94,7 @@ impl SortedLists {
             let start = if at == 0 { 0 } else { self.ends[at - 1] };
             &self.events[start as usize..self.ends[at] as usize]
         };
-        Lists {
-            starts: list(0),
-            ends: list(1),
-            flat_starts: list(2),
-            flat_ends: list(3),
-        }
+        Lists::all([list(0), list(1), list(2), list(3)])
     }
 
     /// The lists of both children, where they are wanted. `sides[triangle]` is 1 for those below,
@@ -106,6 +104,12 @@ impl SortedLists {
             [false, false] => [None, None],
             [true, false] => [Some(Box::new(self.pick(sides, 1))), None],
             [false, true] => [None, Some(Box::new(self.pick(sides, 2)))],
+            [true, true]
+                if self.events.len() >= SHARED_FROM && rayon::current_num_threads() > 1 =>
+            {
+                let (below, above) = rayon::join(|| self.pick(sides, 1), || self.pick(sides, 2));
+                [below, above].map(|lists| Some(Box::new(lists)))
+            }
             [true, true] => self.both(sides).map(|lists| Some(Box::new(lists))),
         }
     }

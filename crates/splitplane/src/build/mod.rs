@@ -16,4 +16,4 @@ mod watch;
 
 pub(crate) use grow::{Built, BuiltNode, Origin, SplitPlane, grow};
 pub use params::{BuildError, BuildParams, BuildStats, DepthLimit, ObliquePricing, Ties, Wins};
-pub use watch::Progress;
+pub use watch::{BuildPart, Progress};

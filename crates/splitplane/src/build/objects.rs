@@ -3,7 +3,7 @@
 
 use super::grow::{ASKED_FROM, Built, BuiltNode, PARALLEL_FROM};
 use super::params::BuildParams;
-use super::watch::{self, WHOLE, Watched};
+use super::watch::{self, BuildPart, WHOLE, Watched};
 use crate::geometry::{Aabb, Frame, Mesh};
 
 /// A triangle while the hierarchy is built.
@@ -44,6 +44,7 @@ struct Job<'a> {
 impl Job<'_> {
     fn divide(&self, items: &mut [Item], (depth, share): (u32, u64), built: &mut Built) {
         let params = self.params;
+        let _part = self.watched.part(BuildPart::Subtree, items.len());
         let bounds = items
             .iter()
             .fold(Aabb::EMPTY, |all, item| all.union(&item.bounds));
@@ -51,10 +52,12 @@ impl Job<'_> {
         let leaf_cost = params.intersection_cost * items.len() as f64;
         let stopped = items.len() >= ASKED_FROM && self.watched.ask();
         let splits = !stopped && items.len() > params.max_prims as usize;
+        let part = self.watched.part(BuildPart::Search, items.len());
         let division = match splits && depth < BuildParams::MAX_DEPTH {
             true => best_division(items, area, params, built),
             false => None,
         };
+        drop(part);
         let Some(Division { axis, below, .. }) =
             division.filter(|division| division.cost < leaf_cost)
         else {

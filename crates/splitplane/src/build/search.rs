@@ -60,14 +60,17 @@ pub(crate) struct Shape<'a> {
     pub(crate) polytope: &'a Polytope,
     pub(crate) area: f64,
     pub(crate) volume: f64,
+    per_area: f64,
 }
 
 impl<'a> Shape<'a> {
     pub(crate) fn of(polytope: &'a Polytope) -> Self {
+        let area = polytope.surface_area();
         Shape {
             polytope,
-            area: polytope.surface_area(),
+            area,
             volume: polytope.volume(),
+            per_area: 1.0 / area,
         }
     }
 }
@@ -82,6 +85,8 @@ struct Sight {
     direction: DVec3,
     aim: Aim,
     bounds: Bounds,
+    /// There may be faces at the ends that `bounds` do not know of yet.
+    has_end_faces: bool,
     /// The areas that are known, with the planes' offsets.
     measured: Vec<(f32, (f64, f64))>,
 }
@@ -108,14 +113,12 @@ impl Bounds {
     /// `ends` are the areas of the faces at the lowest and the highest plane.
     pub(super) fn new((low, high): (f64, f64), ends: (f64, f64), shape: &Shape) -> Self {
         let per_length = 1.0 / (high - low);
+        let root = |end: f64| (2.0 * end * shape.per_area).sqrt();
         Bounds {
             low,
             per_length,
-            ends: (
-                (2.0 * ends.0 / shape.area).sqrt(),
-                (2.0 * ends.1 / shape.area).sqrt(),
-            ),
-            caps: 6.0 * shape.volume.max(0.0) * per_length / shape.area,
+            ends: (root(ends.0), root(ends.1)),
+            caps: 6.0 * shape.volume.max(0.0) * per_length * shape.per_area,
         }
     }
 
@@ -123,12 +126,16 @@ impl Bounds {
     /// triangles on either side.
     #[inline(always)]
     pub(super) fn expected_tests(&self, from: f64, to: f64, below: f64, above: f64) -> f64 {
-        let f = ((from - self.low) * self.per_length).clamp(0.0, 1.0);
-        let g = 1.0 - ((to - self.low) * self.per_length).clamp(0.0, 1.0);
+        // One instruction each, as f64::min and max are not.
+        let min = |a: f64, b: f64| if a < b { a } else { b };
+        let max = |a: f64, b: f64| if a > b { a } else { b };
+        let fraction = |t: f64| min(max((t - self.low) * self.per_length, 0.0), 1.0);
+        let f = fraction(from);
+        let g = 1.0 - fraction(to);
         let x = (self.ends.0 + f * (1.0 - self.ends.0)).powi(2);
         let y = (self.ends.1 + g * (1.0 - self.ends.1)).powi(2);
-        let least = f.min(1.0 - f).min(g.min(1.0 - g));
-        let both = (1.0 + self.caps * least * least).max(x + y);
+        let least = min(min(f, 1.0 - f), min(g, 1.0 - g));
+        let both = max(1.0 + self.caps * least * least, x + y);
         let tests = if below <= above {
             below * (both - y) + above * y
         } else {
@@ -153,6 +160,10 @@ pub(crate) struct Search<'a> {
     survivors: &'a mut Vec<Survivor>,
     /// The survivors are in order, those of the least bounds last.
     are_sorted: bool,
+    /// The most promising survivor, where that is known.
+    promising: Option<usize>,
+    /// How many planes' areas were computed.
+    areas: u64,
     profile: &'a mut Profile,
 }
 
@@ -176,6 +187,8 @@ impl<'a> Search<'a> {
             sights: &mut scratch.sights,
             survivors: &mut scratch.survivors,
             are_sorted: false,
+            promising: None,
+            areas: 0,
             profile: &mut scratch.profile,
         }
     }
@@ -196,6 +209,7 @@ impl<'a> Search<'a> {
         let (p, q) = (extent[(axis + 1) % 3], extent[(axis + 2) % 3]);
         let sight = self.next();
         sight.linear = Some((p * q, 2.0 * (p + q)));
+        sight.has_end_faces = false;
         sight.inside = (f64::from(aabb.min[axis]), f64::from(aabb.max[axis]));
     }
 
@@ -208,11 +222,27 @@ impl<'a> Search<'a> {
         sight.direction = direction;
         sight.aim.at(shape.polytope, direction);
         sight.inside = sight.aim.inside();
-        let ends = match has_end_faces {
-            true => sight.aim.end_faces(shape.polytope),
-            false => (0.0, 0.0),
+        sight.has_end_faces = has_end_faces;
+        sight.bounds = Bounds::new(sight.aim.ends(), (0.0, 0.0), &shape);
+    }
+
+    /// Makes the bounds as tight as can be: looks for faces at the ends, if that is still to be
+    /// done. Whether that changed anything.
+    #[inline(never)]
+    pub(super) fn find_end_faces(&mut self) -> bool {
+        let Some(shape) = self.shape else {
+            return false;
         };
-        sight.bounds = Bounds::new(sight.aim.ends(), ends, &shape);
+        let sight = &mut self.sights[self.count - 1];
+        if !std::mem::take(&mut sight.has_end_faces) {
+            return false;
+        }
+        let ends = sight.aim.end_faces(shape.polytope);
+        let found = ends != (0.0, 0.0);
+        if found {
+            sight.bounds = Bounds::new(sight.aim.ends(), ends, &shape);
+        }
+        found
     }
 
     /// Where planes pass through the inside of the cell, both ends excluded.
@@ -249,21 +279,32 @@ impl<'a> Search<'a> {
             below: below as u32,
             above: above as u32,
         };
-        let at = f64::from(t);
         if let Some((end, rate)) = sight.linear {
-            let surface = (end + rate * (at - sight.inside.0)).clamp(0.0, self.area);
+            let surface = (end + rate * (f64::from(t) - sight.inside.0)).clamp(0.0, self.area);
             let below = (surface + end) / self.area;
             let above = (self.area - surface + end) / self.area;
             return self.enter(plane, (below, above));
         }
-        let mut bound = sight
-            .bounds
-            .expected_tests(at, at, below as f64, above as f64);
-        if below == 0 || above == 0 {
-            bound *= self.empty_factor;
+        let may_be_tighter = sight.has_end_faces;
+        let mut bound = self.bound(&plane);
+        if bound < self.bar && may_be_tighter && self.find_end_faces() {
+            bound = self.bound(&plane);
         }
         if bound < self.bar {
+            self.promising = None;
             self.survivors.push(Survivor { plane, bound });
+        }
+    }
+
+    #[inline(always)]
+    fn bound(&self, plane: &Plane) -> f64 {
+        let at = f64::from(plane.t);
+        let (below, above) = (f64::from(plane.below), f64::from(plane.above));
+        let bounds = &self.sights[self.count - 1].bounds;
+        let bound = bounds.expected_tests(at, at, below, above);
+        match plane.below == 0 || plane.above == 0 {
+            true => bound * self.empty_factor,
+            false => bound,
         }
     }
 
@@ -296,8 +337,8 @@ impl<'a> Search<'a> {
     }
 
     /// The best plane of all that were considered, if it matters, with the number of its
-    /// direction.
-    pub(crate) fn finish(mut self, tolerance: Option<f32>) -> Option<(usize, Best)> {
+    /// direction; and how many planes' areas were computed for that.
+    pub(crate) fn finish(mut self, tolerance: Option<f32>) -> (Option<(usize, Best)>, u64) {
         if self.survivors.len() > MANY {
             self.survivors
                 .sort_unstable_by(|a, b| b.bound.total_cmp(&a.bound));
@@ -305,7 +346,7 @@ impl<'a> Search<'a> {
         }
         while self.measure_next() {}
         let expected_tests = self.bar;
-        self.best.map(|(plane, areas)| {
+        let found = self.best.map(|(plane, areas)| {
             let best = Best {
                 boundary: Boundary {
                     offset: plane.t,
@@ -315,7 +356,8 @@ impl<'a> Search<'a> {
                 areas,
             };
             (plane.direction as usize, best)
-        })
+        });
+        (found, self.areas)
     }
 
     /// Measures the survivor of the least bound (of about the least, where they were sorted before
@@ -336,6 +378,7 @@ impl<'a> Search<'a> {
         if let Some(&(_, areas)) = known {
             self.enter(plane, areas);
         } else if sight.measured.len() == FEW {
+            self.promising = None;
             self.survivors.push(survivor);
             self.measure_all(plane.direction, &shape);
         } else {
@@ -343,6 +386,7 @@ impl<'a> Search<'a> {
                 .aim
                 .areas(shape.polytope, shape.area, f64::from(plane.t));
             sight.measured.push((plane.t, areas));
+            self.areas += 1;
             self.enter(plane, areas);
             self.tighten(&plane, areas);
         }
@@ -354,13 +398,16 @@ impl<'a> Search<'a> {
         if self.are_sorted {
             return self.survivors.pop();
         }
-        let mut least = (0, f64::INFINITY);
-        for (i, survivor) in self.survivors.iter().enumerate() {
-            if survivor.bound < least.1 {
-                least = (i, survivor.bound);
+        let promising = self.promising.take().unwrap_or_else(|| {
+            let mut least = (0, f64::INFINITY);
+            for (i, survivor) in self.survivors.iter().enumerate() {
+                if survivor.bound < least.1 {
+                    least = (i, survivor.bound);
+                }
             }
-        }
-        (!self.survivors.is_empty()).then(|| self.survivors.swap_remove(least.0))
+            least.0
+        });
+        (promising < self.survivors.len()).then(|| self.survivors.swap_remove(promising))
     }
 
     /// Measures all survivors of a direction.
@@ -379,6 +426,7 @@ impl<'a> Search<'a> {
         for Survivor { plane, bound } in own {
             if bound < self.bar {
                 let areas = self.profile.areas(f64::from(plane.t));
+                self.areas += 1;
                 self.enter(plane, areas);
             }
         }
@@ -392,6 +440,7 @@ impl<'a> Search<'a> {
         let (below, above) = (below.sqrt(), above.sqrt());
         let (per_low, per_high) = (1.0 / (at - low), 1.0 / (high - at));
         let (bar, empty_factor) = (self.bar, self.empty_factor);
+        let (mut kept, mut promising, mut least) = (0, 0, f64::INFINITY);
         self.survivors.retain_mut(|Survivor { plane, bound }| {
             if plane.direction == measured.direction {
                 let t = f64::from(plane.t);
@@ -409,8 +458,16 @@ impl<'a> Search<'a> {
                 // What is measured is rounded too, so a thin cell's area is a little off.
                 *bound = bound.max(tests * (1.0 - ROUNDING));
             }
-            *bound < bar
+            let may_win = *bound < bar;
+            if may_win {
+                if *bound < least {
+                    (promising, least) = (kept, *bound);
+                }
+                kept += 1;
+            }
+            may_win
         });
+        self.promising = Some(promising);
     }
 }
 
@@ -436,7 +493,7 @@ pub(super) fn touching(tolerance: Option<f32>, rule: u8) -> Touching {
 mod tests {
     use super::*;
     use crate::build::extents::Extents;
-    use crate::build::sweep::{Events, search_extents};
+    use crate::build::sweep::{Events, search_extents, sweep};
     use crate::geometry::polytope::CutScratch;
     use proptest::prelude::*;
 
@@ -481,7 +538,7 @@ mod tests {
         fn bounds_leave_out_only_what_cannot_win(
             planes in prop::collection::vec((direction(), 0.2..1.0f64), 0..6),
             directions in prop::collection::vec(direction(), 1..4),
-            extents in prop::collection::vec((-3.0f32..3.0, 0.0f32..2.0), 2..80),
+            extents in prop::collection::vec((-3.0f32..3.0, prop_oneof![0.0f32..2.0, 0.0f32..0.1]), 2..120),
             (tolerant, bonus, bar) in (any::<bool>(), 0..2, prop_oneof![Just(f64::INFINITY), 0.3..1.0f64]),
         ) {
             let cell = cell(&planes);
@@ -490,8 +547,11 @@ mod tests {
             let tolerance = tolerant.then_some(1e-5f32);
             let empty_bonus = 0.5 * f64::from(bonus);
             let bar = bar * extents.len() as f64;
-            let mut scratch = SearchScratch::default();
-            let mut search = Search::new(shape.area, Some(shape), (bar, empty_bonus), &mut scratch);
+            let mut scratch = [SearchScratch::default(), SearchScratch::default()];
+            // Once with bins and comparisons, once with all events sorted and swept.
+            let [mut search, mut full] = scratch
+                .each_mut()
+                .map(|scratch| Search::new(shape.area, Some(shape), (bar, empty_bonus), scratch));
             let (mut least, mut inside, mut found_inside) = (bar, 0, 0);
             for direction in directions.iter().filter_map(|&d| unit(d)) {
                 let (mins, maxs) = extents.iter().map(|&(min, length)| (min, min + length)).unzip();
@@ -500,6 +560,16 @@ mod tests {
                 let mut events = Events::default();
                 found_inside += search_extents(&mut all, tolerance, &mut events, &mut search);
                 search.probe();
+                full.turn(direction, true);
+                let swept = sweep(&events.sort(&all, tolerance), tolerance, &mut full);
+                full.probe();
+                prop_assert_eq!(swept, extents.iter().map(|&(min, length)| {
+                    let extent = (min, min + length);
+                    let is_flat = tolerance.is_some_and(|e| crate::build::ties::is_flat(extent, e));
+                    let (low, high) = full.inside();
+                    [extent.0, extent.1].iter().skip(usize::from(is_flat))
+                        .filter(|&&t| low < f64::from(t) && f64::from(t) < high).count() as u64
+                }).sum::<u64>());
                 // Each plane, measured.
                 let mut aim = Aim::default();
                 aim.at(&cell, direction);
@@ -530,8 +600,20 @@ mod tests {
                     }
                 }
             }
-            let best = search.finish(tolerance);
+            let ((best, _), (fully, _)) = (search.finish(tolerance), full.finish(tolerance));
             prop_assert_eq!(found_inside, inside);
+            match (best, fully) {
+                (Some((i, a)), Some((j, b))) if a.expected_tests == b.expected_tests => {
+                    prop_assert_eq!((i, a), (j, b));
+                }
+                // The areas of one plane, computed in two ways, are rounded differently.
+                (Some((_, a)), Some((_, b))) => {
+                    let difference = (a.expected_tests - b.expected_tests).abs();
+                    prop_assert!(difference <= 1e-9 * b.expected_tests);
+                }
+                (None, None) => {}
+                (a, b) => prop_assert!(false, "{a:?} {b:?}"),
+            }
             let found = best.map_or(bar, |(_, best)| best.expected_tests);
             prop_assert!(found == least || (found - least).abs() <= 1e-6 * least, "{found} {least}");
         }

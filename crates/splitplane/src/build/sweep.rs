@@ -8,9 +8,6 @@ use super::ties::is_flat;
 /// Up to so many triangles are compared each with each.
 pub(super) const FEW: usize = 16;
 
-/// In a node of at least so many triangles, bounds are asked before events are sorted.
-const BOUNDED_FROM: usize = 32;
-
 /// Bins along a direction, for bounds.
 const BINS: usize = 32;
 
@@ -44,6 +41,26 @@ pub(super) struct Lists<'a, E> {
     pub(super) flat_starts: &'a [E],
     /// Where the flat ones end.
     pub(super) flat_ends: &'a [E],
+    /// How many of each list come before those that are there, and how many triangles there are.
+    pub(super) before: [usize; 4],
+    pub(super) triangles: usize,
+    /// Between which offsets, both included, planes are candidates.
+    pub(super) candidates: (f32, f32),
+}
+
+impl<'a, E> Lists<'a, E> {
+    /// Lists that are all there.
+    pub(super) fn all([starts, ends, flat_starts, flat_ends]: [&'a [E]; 4]) -> Self {
+        Lists {
+            starts,
+            ends,
+            flat_starts,
+            flat_ends,
+            before: [0; 4],
+            triangles: ends.len(),
+            candidates: (f32::NEG_INFINITY, f32::INFINITY),
+        }
+    }
 }
 
 /// Buffers for sorting.
@@ -57,20 +74,18 @@ pub(super) fn search_extents(
     events: &mut Events,
     search: &mut Search,
 ) -> u64 {
-    let n = extents.mins.len();
-    if n <= FEW / 4 {
-        return compare::<{ FEW / 4 }>(extents, tolerance, search);
+    match extents.mins.len() {
+        ..=2 => return compare::<2>(extents, tolerance, search),
+        ..=4 => return compare::<4>(extents, tolerance, search),
+        ..=8 => return compare::<8>(extents, tolerance, search),
+        ..=FEW => return compare::<FEW>(extents, tolerance, search),
+        _ => {}
     }
-    if n <= FEW / 2 {
-        return compare::<{ FEW / 2 }>(extents, tolerance, search);
+    if let Some(bins) = Bins::that_matter(extents, tolerance, search) {
+        let lists = events.sort_between(extents, tolerance, &bins);
+        sweep(&lists, tolerance, search);
     }
-    if n <= FEW {
-        return compare::<FEW>(extents, tolerance, search);
-    }
-    if n >= BOUNDED_FROM && !bins_may_matter(extents, tolerance, search) {
-        return count_inside(extents, tolerance, search);
-    }
-    sweep(&events.sort(extents, tolerance), tolerance, search)
+    count_inside(extents, tolerance, search)
 }
 
 /// Whether an event lies inside the cell that is a candidate; where ties are tolerated, the start
@@ -89,37 +104,68 @@ fn count_inside(extents: &Extents, tolerance: Option<f32>, search: &Search) -> u
     }
 }
 
-/// Whether some plane may matter, by bounds: in a bin, at least those triangles are below that end
-/// of before it starts, and those above that begin after it ends.
-fn bins_may_matter(extents: &Extents, tolerance: Option<f32>, search: &Search) -> bool {
-    let (low, high) = search.inside();
-    if low.partial_cmp(&high) != Some(std::cmp::Ordering::Less) {
-        return false;
+/// Equal parts of a cell's extent, and those of them that planes may matter in.
+#[derive(Clone, Copy, Debug)]
+struct Bins {
+    low: f64,
+    per_width: f64,
+    first: usize,
+    last: usize,
+}
+
+impl Bins {
+    /// From the first to the last bin that a plane may matter in, by bounds; `None` if there is
+    /// none. In a bin, at least those triangles are below that end of before it starts, and those
+    /// above that begin after it ends.
+    fn that_matter(extents: &Extents, tolerance: Option<f32>, search: &mut Search) -> Option<Bins> {
+        let (low, high) = search.inside();
+        if low.partial_cmp(&high) != Some(std::cmp::Ordering::Less) {
+            return None;
+        }
+        search.find_end_faces();
+        let width = (high - low) / BINS as f64;
+        let mut bins = Bins {
+            low,
+            per_width: 1.0 / width,
+            first: BINS,
+            last: 0,
+        };
+        let tolerance = tolerance.unwrap_or(0.0);
+        let (mut starts, mut ends) = ([0u32; BINS], [0u32; BINS]);
+        for (&min, &max) in extents.mins.iter().zip(&extents.maxs) {
+            // A triangle is below where it starts before a plane by more than the tolerance, and
+            // above where it ends after it by more.
+            starts[bins.of(min + tolerance)] += 1;
+            ends[bins.of(max - tolerance)] += 1;
+        }
+        let (mut below, mut above) = (0, extents.mins.len());
+        for i in 0..BINS {
+            above -= ends[i] as usize;
+            // What rounds into a neighbouring bin is in its bounds too.
+            let from = low + (i as f64 - 1e-6) * width;
+            if search.may_matter(from, from + (1.0 + 2e-6) * width, below, above) {
+                bins.first = bins.first.min(i);
+                bins.last = i;
+            }
+            below += starts[i] as usize;
+        }
+        (bins.first < BINS).then_some(bins)
     }
-    let width = (high - low) / BINS as f64;
-    let per_width = 1.0 / width;
-    let bin = |t: f32| ((f64::from(t) - low) * per_width).clamp(0.0, (BINS - 1) as f64) as usize;
-    let tolerance = tolerance.unwrap_or(0.0);
-    let (mut starts, mut ends) = ([0u32; BINS], [0u32; BINS]);
-    for (&min, &max) in extents.mins.iter().zip(&extents.maxs) {
-        // A triangle is below where it starts before a plane by more than the tolerance, and above
-        // where it ends after it by more.
-        starts[bin(min + tolerance)] += 1;
-        ends[bin(max - tolerance)] += 1;
+
+    /// The bin of an offset; those out of the cell are in the first or in the last one.
+    #[inline(always)]
+    fn of(&self, t: f32) -> usize {
+        ((f64::from(t) - self.low) * self.per_width).clamp(0.0, (BINS - 1) as f64) as usize
     }
-    let (mut below, mut above) = (0, extents.mins.len());
-    (0..BINS).any(|i| {
-        above -= ends[i] as usize;
-        // What rounds into a neighbouring bin is in its bounds too.
-        let from = low + (i as f64 - 1e-6) * width;
-        let may_matter = search.may_matter(from, from + (1.0 + 2e-6) * width, below, above);
-        below += starts[i] as usize;
-        may_matter
-    })
+
+    fn matters(&self, t: f32) -> bool {
+        (self.first..=self.last).contains(&self.of(t))
+    }
 }
 
 impl Events {
-    fn sort(&mut self, extents: &Extents, tolerance: Option<f32>) -> Lists<'_, f32> {
+    #[cfg(test)]
+    pub(super) fn sort(&mut self, extents: &Extents, tolerance: Option<f32>) -> Lists<'_, f32> {
         let Events(lists) = self;
         lists.iter_mut().for_each(Vec::clear);
         let [starts, ends, flat_starts, flat_ends] = lists;
@@ -137,14 +183,58 @@ impl Events {
                 }
             }
         }
-        for list in [&mut *starts, &mut *ends, &mut *flat_starts, &mut *flat_ends] {
+        Events::sorted(lists)
+    }
+
+    fn sorted(lists: &mut [Vec<f32>; 4]) -> Lists<'_, f32> {
+        for list in &mut *lists {
             list.sort_unstable_by(f32::total_cmp);
         }
+        Lists::all(lists.each_ref().map(Vec::as_slice))
+    }
+
+    /// Sorts what is near the planes in those bins, which are the only candidates; the rest is only
+    /// counted.
+    ///
+    /// A triangle passes a plane where it starts or ends, the tolerance added or taken away. What
+    /// does so in an earlier bin than the plane's has passed it, and what does so in a later one has
+    /// not, since bins are monotonic.
+    fn sort_between(
+        &mut self,
+        extents: &Extents,
+        tolerance: Option<f32>,
+        bins: &Bins,
+    ) -> Lists<'_, f32> {
+        let Events(lists) = self;
+        lists.iter_mut().for_each(Vec::clear);
+        let mut before = [0; 4];
+        let mut candidates = (f32::INFINITY, f32::NEG_INFINITY);
+        let mut enter = |list: usize, t: f32, passes: f32, is_candidate: bool| {
+            let is_candidate = is_candidate && bins.matters(t);
+            if is_candidate {
+                candidates = (candidates.0.min(t), candidates.1.max(t));
+            }
+            if is_candidate || bins.matters(passes) {
+                lists[list].push(t);
+            } else if bins.of(passes) < bins.first {
+                before[list] += 1;
+            }
+        };
+        for (&min, &max) in extents.mins.iter().zip(&extents.maxs) {
+            let reach = tolerance.unwrap_or(0.0);
+            enter(1, max, max - reach, true);
+            if tolerance.is_some_and(|tolerance| is_flat((min, max), tolerance)) {
+                enter(2, min, min + reach, false);
+                enter(3, max, max - reach, false);
+            } else {
+                enter(0, min, min + reach, true);
+            }
+        }
         Lists {
-            starts,
-            ends,
-            flat_starts,
-            flat_ends,
+            before,
+            triangles: extents.mins.len(),
+            candidates,
+            ..Events::sorted(lists)
         }
     }
 }
@@ -258,18 +348,15 @@ pub(super) fn sweep<E: Timed>(
 /// there too; or both are below.
 fn sweep_published<E: Timed>(lists: &Lists<E>, search: &mut Search) -> u64 {
     let Lists { starts, ends, .. } = *lists;
-    let n = ends.len();
-    let (mut started, mut ended, mut candidates) = (0, 0, 0);
-    while ended < n {
-        let end = ends[ended].t();
-        let t = match starts.get(started) {
-            Some(start) if start.t() <= end => start.t(),
-            _ => end,
-        };
-        let starting = run_length(&starts[started..], t);
-        let ending = run_length(&ends[ended..], t);
-        if is_inside(search.inside(), t) {
+    let n = lists.triangles;
+    let [starts_before, ends_before, ..] = lists.before;
+    let (mut next_start, mut next_end, mut candidates) = (0, 0, 0);
+    while let Some(t) = earlier(starts.get(next_start), ends.get(next_end)) {
+        let starting = run_length(&starts[next_start..], t);
+        let ending = run_length(&ends[next_end..], t);
+        if is_candidate(lists, search, t) {
             candidates += (starting + ending) as u64;
+            let (started, ended) = (starts_before + next_start, ends_before + next_end);
             if starting > 0 {
                 search.consider(t, 0, started, n - ended);
             }
@@ -277,8 +364,8 @@ fn sweep_published<E: Timed>(lists: &Lists<E>, search: &mut Search) -> u64 {
                 search.consider(t, 1, started + starting, n - ended - ending);
             }
         }
-        started += starting;
-        ended += ending;
+        next_start += starting;
+        next_end += ending;
     }
     candidates
 }
@@ -290,26 +377,20 @@ fn sweep_tolerant<E: Timed>(lists: &Lists<E>, tolerance: f32, search: &mut Searc
         ends,
         flat_starts,
         flat_ends,
+        ..
     } = *lists;
-    let n = ends.len();
+    let n = lists.triangles;
+    let before = lists.before;
     // Two positions in each list: the next candidate, and the first that is not yet passed.
     let (mut next_start, mut next_end) = (0, 0);
     let (mut started, mut ended, mut flat_started, mut flat_ended) = (0, 0, 0, 0);
     let mut candidates = 0;
-    loop {
-        let t = match (starts.get(next_start), ends.get(next_end)) {
-            (Some(start), Some(end)) => {
-                let (start, end) = (start.t(), end.t());
-                if start < end { start } else { end }
-            }
-            (None, Some(end)) => end.t(),
-            _ => return candidates,
-        };
+    while let Some(t) = earlier(starts.get(next_start), ends.get(next_end)) {
         let starting = run_length(&starts[next_start..], t);
         let ending = run_length(&ends[next_end..], t);
         next_start += starting;
         next_end += ending;
-        if !is_inside(search.inside(), t) {
+        if !is_candidate(lists, search, t) {
             continue;
         }
         candidates += (starting + ending) as u64;
@@ -319,13 +400,33 @@ fn sweep_tolerant<E: Timed>(lists: &Lists<E>, tolerance: f32, search: &mut Searc
         pass(ends, &mut ended, is_not_above);
         pass(flat_starts, &mut flat_started, is_below);
         pass(flat_ends, &mut flat_ended, is_not_above);
-        let (below, above) = (started + flat_ended, n - ended);
+        let over = before[3] + flat_ended;
+        let (below, above) = (before[0] + started + over, n - before[1] - ended);
         search.consider(t, 0, below, above);
-        let held = flat_ended - flat_started;
+        let held = over - before[2] - flat_started;
         if held > 0 {
             search.consider(t, 1, below - held, above + held);
         }
     }
+    candidates
+}
+
+/// The offset of the earlier one of two events.
+#[inline(always)]
+fn earlier<E: Timed>(start: Option<&E>, end: Option<&E>) -> Option<f32> {
+    match (start, end) {
+        (Some(start), Some(end)) => {
+            let (start, end) = (start.t(), end.t());
+            Some(if start < end { start } else { end })
+        }
+        (event, None) | (None, event) => event.map(|event| event.t()),
+    }
+}
+
+#[inline(always)]
+fn is_candidate<E>(lists: &Lists<E>, search: &Search, t: f32) -> bool {
+    let (first, last) = lists.candidates;
+    first <= t && t <= last && is_inside(search.inside(), t)
 }
 
 /// Moves a position in a list past the values that are `passed`.
@@ -387,7 +488,7 @@ mod tests {
                     0 => sweep(&events.sort(&all, tolerance), tolerance, &mut search),
                     _ => search_extents(&mut all, tolerance, &mut events, &mut search),
                 };
-                found.push((search.finish(tolerance).map(|(_, best)| best), candidates));
+                found.push((search.finish(tolerance).0.map(|(_, best)| best), candidates));
             }
             if let [swept, compared] = found[..] {
                 prop_assert_eq!(swept, compared);

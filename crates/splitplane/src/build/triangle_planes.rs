@@ -99,7 +99,7 @@ impl Counter {
         let mut nodes = Vec::with_capacity(triangles.len().div_ceil(LANES) * 2);
         split(&mut triangles, 0, &mut nodes);
         let mut corners = Corners::default();
-        corners.gather(triangles.iter().copied());
+        corners.gather(triangles.len(), |i| triangles[i]);
         Counter {
             ties,
             tolerance,

@@ -2,6 +2,8 @@
 
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
+use super::grow::PARALLEL_FROM;
+
 /// Watches long work, and may stop it.
 pub trait Progress: Sync {
     /// `done` of `total` parts of the work are done. Called now and then, from any thread.
@@ -9,6 +11,39 @@ pub trait Progress: Sync {
     /// Asked often; once it says yes, the work ends with an error that says so.
     fn cancelled(&self) -> bool {
         false
+    }
+    /// A part of a build that concerns so many triangles begins, on this thread. Parts lie within
+    /// each other; only those of thousands of triangles are told.
+    fn began(&self, _part: BuildPart, _triangles: usize) {}
+    /// The part that began last on this thread and has not ended yet, ends.
+    fn ended(&self) {}
+}
+
+/// A part of a build.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum BuildPart {
+    /// Where triangles start and end along the directions of the whole tree is sorted.
+    Sort,
+    /// A node, with all that is below it.
+    Subtree,
+    /// The search for the split plane of a node.
+    Search,
+    /// The part of a search that goes along one direction, where directions are shared among threads.
+    Sweep,
+    /// The triangles and the cell of a node are divided between its children.
+    Divide,
+}
+
+impl BuildPart {
+    /// In a word, for timelines.
+    pub fn name(self) -> &'static str {
+        match self {
+            BuildPart::Sort => "sort",
+            BuildPart::Subtree => "subtree",
+            BuildPart::Search => "search",
+            BuildPart::Sweep => "sweep",
+            BuildPart::Divide => "divide",
+        }
     }
 }
 
@@ -64,6 +99,14 @@ impl<'a> Watched<'a> {
         }
     }
 
+    /// Tells of a part of the build, until what is given back is dropped.
+    pub(super) fn part(&self, part: BuildPart, triangles: usize) -> Option<Told<'a>> {
+        (triangles >= PARALLEL_FROM).then(|| {
+            self.progress.began(part, triangles);
+            Told(self.progress)
+        })
+    }
+
     /// Asks whether to stop.
     pub(super) fn ask(&self) -> bool {
         if self.progress.cancelled() {
@@ -79,6 +122,15 @@ impl<'a> Watched<'a> {
 
     pub(super) fn is_stopped(&self) -> bool {
         self.stopped.load(Ordering::Relaxed)
+    }
+}
+
+/// A part of a build that was told, while it goes on.
+pub(super) struct Told<'a>(&'a dyn Progress);
+
+impl Drop for Told<'_> {
+    fn drop(&mut self) {
+        self.0.ended();
     }
 }
 

@@ -204,9 +204,7 @@ impl<'a> Part<'a> {
             true => spare.pop().unwrap_or_default(),
             false => Polytope::default(),
         };
-        polytope.vertices.clear();
-        polytope.faces.clear();
-        polytope.loops.clear();
+        polytope.clear();
         Part {
             source,
             wanted,

@@ -32,6 +32,13 @@ struct Face {
 
 impl Polytope {
     pub(crate) fn from_box(aabb: &Aabb) -> Self {
+        let mut polytope = Polytope::default();
+        polytope.set_box(aabb);
+        polytope
+    }
+
+    /// Makes it a box, in the memory that it has.
+    pub(crate) fn set_box(&mut self, aabb: &Aabb) {
         let pick = |corner: usize, axis: usize| {
             f64::from(if corner >> axis & 1 == 1 {
                 aabb.max[axis]
@@ -39,12 +46,9 @@ impl Polytope {
                 aabb.min[axis]
             })
         };
-        let mut polytope = Polytope {
-            vertices: (0..8)
-                .map(|c| DVec3::new(pick(c, 0), pick(c, 1), pick(c, 2)))
-                .collect(),
-            ..Polytope::default()
-        };
+        self.clear();
+        self.vertices
+            .extend((0..8).map(|c| DVec3::new(pick(c, 0), pick(c, 1), pick(c, 2))));
         for (normal, indices) in [
             (DVec3::NEG_X, [0, 4, 6, 2]),
             (DVec3::X, [1, 3, 7, 5]),
@@ -53,9 +57,14 @@ impl Polytope {
             (DVec3::NEG_Z, [0, 2, 3, 1]),
             (DVec3::Z, [4, 5, 7, 6]),
         ] {
-            polytope.push_face(normal, &indices);
+            self.push_face(normal, &indices);
         }
-        polytope
+    }
+
+    fn clear(&mut self) {
+        self.vertices.clear();
+        self.faces.clear();
+        self.loops.clear();
     }
 
     fn push_face(&mut self, normal: DVec3, indices: &[u16]) {
@@ -109,9 +118,13 @@ impl Polytope {
     }
 }
 
+/// The cosine between the normal of a face and a direction that the face may lie across.
+const ACROSS: f64 = 0.99;
+
 /// A polytope seen along a unit direction: how high its vertices are.
 #[derive(Debug, Default)]
 pub(crate) struct Aim {
+    direction: DVec3,
     heights: Vec<f64>,
     extent: Extent,
 }
@@ -119,6 +132,7 @@ pub(crate) struct Aim {
 impl Aim {
     /// Takes aim; the heights are those of this polytope until the next time.
     pub(crate) fn at(&mut self, polytope: &Polytope, direction: DVec3) {
+        self.direction = direction;
         self.heights.clear();
         self.heights
             .extend(polytope.vertices.iter().map(|v| direction.dot(*v)));
@@ -168,38 +182,50 @@ impl Aim {
     /// The area of the surface below the plane at `t`, which passes through the inside, and that of
     /// the cross-section.
     fn surface_and_cap(&self, polytope: &Polytope, t: f64) -> (f64, f64) {
-        let Aim { heights, extent } = self;
+        let Aim {
+            direction,
+            heights,
+            extent,
+        } = self;
         let height = |i: u16| heights[usize::from(i)];
         let (mut below, mut cap) = (0.0, DVec3::ZERO);
         let mut cap_origin = None;
         for face in &polytope.faces {
             let indices = polytope.indices(face);
-            let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
-            for &i in indices {
-                let h = height(i);
-                low = if h < low { h } else { low };
-                high = if h > high { h } else { high };
-            }
-            // A face across the direction has no part below a plane that passes through it: it
-            // belongs to the end of the polytope that it closes.
-            let is_flat = high - low <= extent.flat;
-            let is_below = match is_flat {
-                true => low - extent.low < extent.high - high,
-                false => high <= t,
-            };
-            if is_below {
-                below += face.area;
-            }
-            if is_below || is_flat || low > t {
-                continue;
-            }
-            // Seen from where the loop leaves the part below, what lies there is a fan.
-            let crossing = |i: u16, j: u16| crossing(&polytope.vertices, heights, t, (i, j));
             let count = indices.len();
             let next = |k: usize| if k + 1 == count { 0 } else { k + 1 };
             let is_in = |k: usize| height(indices[k]) <= t;
-            let Some(mut k) = (0..count).find(|&k| !is_in(k) && is_in(next(k))) else {
+            // Most faces are on one side.
+            let starts_in = is_in(0);
+            let Some(change) = (1..count).find(|&k| is_in(k) != starts_in) else {
+                if starts_in {
+                    below += face.area;
+                }
                 continue;
+            };
+            if face.normal.dot(*direction).abs() > ACROSS {
+                let (mut low, mut high) = (f64::INFINITY, f64::NEG_INFINITY);
+                for &i in indices {
+                    let h = height(i);
+                    low = if h < low { h } else { low };
+                    high = if h > high { h } else { high };
+                }
+                if high - low <= extent.flat {
+                    // A face across the direction has no part below a plane that passes through
+                    // it: it belongs to the end of the polytope that it closes.
+                    if low - extent.low < extent.high - high {
+                        below += face.area;
+                    }
+                    continue;
+                }
+            }
+            // Seen from where the loop leaves the part below, what lies there is a fan.
+            let crossing = |i: u16, j: u16| crossing(&polytope.vertices, heights, t, (i, j));
+            let mut k = match starts_in {
+                false => change - 1,
+                true => (change..count - 1)
+                    .find(|&k| is_in(k + 1))
+                    .unwrap_or(count - 1),
             };
             let enters = crossing(indices[k], indices[next(k)]);
             k = next(k);
