@@ -75,10 +75,10 @@ pub(super) fn search_extents(
     search: &mut Search,
 ) -> u64 {
     match extents.mins.len() {
-        ..=2 => return compare::<2>(extents, tolerance, search),
-        ..=4 => return compare::<4>(extents, tolerance, search),
-        ..=8 => return compare::<8>(extents, tolerance, search),
-        ..=FEW => return compare::<FEW>(extents, tolerance, search),
+        0..=2 => return compare::<2>(extents, tolerance, search),
+        3..=4 => return compare::<4>(extents, tolerance, search),
+        5..=8 => return compare::<8>(extents, tolerance, search),
+        9..=FEW => return compare::<FEW>(extents, tolerance, search),
         _ => {}
     }
     if let Some(bins) = Bins::that_matter(extents, tolerance, search) {
