@@ -18,7 +18,7 @@ use rayon::{ThreadPool, ThreadPoolBuilder};
 const BLOCK: usize = 1 << 18;
 
 /// Queries that a thread takes at a time: their rays and answers stay in the first cache.
-pub(crate) const CHUNK: usize = 1 << 8;
+pub(crate) const CHUNK: usize = 1 << 6;
 
 /// The pool of that many threads, 0 being one per core; made once for each number.
 fn pool(threads: usize) -> PyResult<Arc<ThreadPool>> {

@@ -133,18 +133,20 @@ impl Tree {
                         let mut hits = [None; CHUNK];
                         let hits = &mut hits[..rows.len()];
                         C::closest_hits(&self.built.tree, rays.of_rows(rows, chunk), hits, costs);
-                        t.fill(f32::INFINITY);
-                        geometry.fill(MISS);
-                        triangle.fill(MISS);
-                        uv.fill([0.0; 2]);
-                        normal.fill([0.0; 3]);
                         for (i, hit) in hits.iter().enumerate() {
-                            if let Some(hit) = hit {
-                                t[i] = hit.t;
-                                (geometry[i], triangle[i]) = self.own(hit.triangle);
-                                uv[i] = [hit.u, hit.v];
-                                normal[i] = normals[hit.triangle as usize];
-                            }
+                            let (distance, part, uv_of, normal_of) = match hit {
+                                Some(hit) => (
+                                    hit.t,
+                                    self.own(hit.triangle),
+                                    [hit.u, hit.v],
+                                    normals[hit.triangle as usize],
+                                ),
+                                None => (f32::INFINITY, (MISS, MISS), [0.0; 2], [0.0; 3]),
+                            };
+                            t[i] = distance;
+                            (geometry[i], triangle[i]) = part;
+                            uv[i] = uv_of;
+                            normal[i] = normal_of;
                         }
                     });
             })?;
