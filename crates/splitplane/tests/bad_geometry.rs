@@ -128,6 +128,14 @@ fn triangles_with_nan_or_infinity_are_counted_and_the_others_are_hit() {
     check_all("nan", &mesh, 100, 64);
 }
 
+/// A soup of another size.
+fn scaled(scale: f32) -> Mesh {
+    let clean = soup(60, 0.5);
+    let positions = clean.positions().iter();
+    let positions = positions.map(|p| p.map(|c| c * scale)).collect();
+    Mesh::new(positions, clean.triangles().to_vec()).unwrap()
+}
+
 #[test]
 fn huge_and_tiny_numbers_are_hit_or_counted() {
     let huge = spoilt(100, &[1e30, -1e30, f32::MAX]);
@@ -136,15 +144,35 @@ fn huge_and_tiny_numbers_are_hit_or_counted() {
     check_all("large", &spoilt(100, &[1e17, -1e18, 3e12]), 100, 64);
     check_all("small", &spoilt(100, &[1e-30, -1e-30, 1e-38]), 100, 64);
     check_all("denormal", &spoilt(100, &[1e-40, -1e-45, -0.0]), 100, 64);
-    let all_tiny = |scale: f32| {
-        let clean = soup(60, 0.5);
-        let positions = clean.positions().iter();
-        let positions = positions.map(|p| p.map(|c| c * scale)).collect();
-        Mesh::new(positions, clean.triangles().to_vec()).unwrap()
-    };
     for scale in [1e-10, 1e-18, 1e-30, 1e-41, 1e17] {
-        check_all(&format!("scale {scale:e}"), &all_tiny(scale), 60, 64);
+        check_all(&format!("scale {scale:e}"), &scaled(scale), 60, 64);
     }
+}
+
+/// However long t gets: where it is more than f32 holds, it is infinite, and still a hit.
+#[test]
+fn directions_may_have_any_length() {
+    let longest = |d: [f32; 3]| d.into_iter().fold(0.0, |a: f32, c| a.max(c.abs()));
+    let mut infinite = 0;
+    for scale in [1e-30, 1e-18, 1.0, 1e17, 1e18] {
+        let mesh = scaled(scale);
+        let mut lengths = [1e-45, 1e-40, 1e-38, 1e-30, 1e-18, 1e18, 1e38]
+            .into_iter()
+            .cycle();
+        let resized = |ray: Ray| {
+            let length = lengths.next().unwrap() / f64::from(longest(ray.direction));
+            let resized = |c: f32| (f64::from(c) * length) as f32;
+            Ray::new(ray.origin, ray.direction.map(resized))
+        };
+        let rays: Vec<Ray> = rays(&mesh, 70).into_iter().map(resized).collect();
+        let hits = rays.iter().filter_map(|ray| brute_force(&mesh, ray));
+        infinite += hits.filter(|hit| hit.t == f32::INFINITY).count();
+        for choice in default_trees() {
+            let name = format!("scale {scale:e}");
+            check(&name, &mesh, choice, Ties::Tolerant, &rays, 64);
+        }
+    }
+    assert!(infinite > 0);
 }
 
 #[test]

@@ -194,6 +194,46 @@ fn no_file_leads_a_query_astray() {
     }
 }
 
+/// With another place of the scene or other axes, a ray may meet boxes at what is no number, and so
+/// children that there are not.
+#[test]
+fn a_wide_tree_is_where_its_mesh_is_and_its_axes_are_of_unit_length() {
+    let mesh = soup(12, 1.0);
+    let refused = |tree: &Tree, found: &[f32], changed: [f32; 2], what: &str| {
+        let bytes = saved(tree);
+        let found: &[u8] = &found
+            .iter()
+            .flat_map(|c| c.to_le_bytes())
+            .collect::<Vec<u8>>();
+        let place = bytes.windows(found.len()).position(|here| here == found);
+        let place = place.expect("it is in the file");
+        for number in changed {
+            let mut changed = bytes.clone();
+            changed[place..place + 4].copy_from_slice(&number.to_le_bytes());
+            let error = Tree::from_bytes(&with_sum(changed), &mesh).unwrap_err();
+            assert!(error.to_string().contains(what), "{error}");
+        }
+    };
+    for tree in trees(&mesh, &BuildParams::default()) {
+        if tree.layout() == Layout::Wide {
+            let center = mesh.bounds().center();
+            refused(
+                &tree,
+                &center,
+                [-1e30, f32::NAN],
+                "is not where the scene is",
+            );
+            let axes = [1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0];
+            refused(
+                &tree,
+                &axes,
+                [1e30, f32::NAN],
+                "axes are not of unit length",
+            );
+        }
+    }
+}
+
 #[test]
 fn a_tree_is_loaded_over_its_own_mesh_alone() {
     let (mesh, other) = (soup(20, 1.0), soup(21, 1.0));

@@ -23,6 +23,12 @@ impl Frame {
         rows: [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]],
     };
 
+    /// Whether the axes are of unit length, but for rounding.
+    pub(crate) fn is_sound(&self) -> bool {
+        let length = |row: &[f32; 3]| row.iter().map(|c| c * c).sum::<f32>().sqrt();
+        self.rows.iter().all(|row| (length(row) - 1.0).abs() < 1e-3)
+    }
+
     /// A point or direction of the world, in the frame. Exact but for f64 rounding.
     #[inline(always)]
     pub(crate) fn map(&self, p: [f64; 3]) -> [f64; 3] {

@@ -130,6 +130,13 @@ impl Tree {
         if wide.frames.is_empty() || wide.frames.len() > MAX_FRAMES {
             return broken(0, "has no frame, or too many");
         }
+        // With others, where a ray meets a box may be no number, and an absent child be met.
+        if !wide.frames.iter().all(Frame::is_sound) {
+            return broken(0, "has a frame whose axes are not of unit length");
+        }
+        if (wide.center, wide.half_extent) != Wide::scale(&self.bounds()) {
+            return broken(0, "is not where the scene is");
+        }
         if !wide
             .triangles
             .iter()

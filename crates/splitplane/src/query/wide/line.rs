@@ -209,7 +209,10 @@ fn with_care(ray: &Ray, margin: f32, reach: f32) -> (Vec3A, f32, f32) {
         true => reach,
         false => f32::INFINITY,
     };
-    ((direction * per_scale).as_vec3a(), scale * far_scale, reach)
+    // Not 0, by which an infinite t would become none: only far away may this be more than it
+    // should, and there all boxes are met at any t.
+    let scale = (scale * far_scale).max(f32::from_bits(1));
+    ((direction * per_scale).as_vec3a(), scale, reach)
 }
 
 /// t of a ray that is far away is multiplied by this, so that it is well between the two ends of

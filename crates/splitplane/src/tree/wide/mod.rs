@@ -141,6 +141,18 @@ impl Wide {
         store::store(tree, &collapse::collapse(tree))
     }
 
+    /// The centre of a scene in that box, and how far the scene reaches from there.
+    pub(crate) fn scale(bounds: &Aabb) -> ([f32; 3], f32) {
+        let center = match bounds.is_empty() {
+            true => [0.0; 3],
+            false => bounds.center(),
+        };
+        // More than half the longest edge: the centre is rounded.
+        let half_extent =
+            bounds.extent().into_iter().fold(0.0, f32::max) * 0.5 + f32::EPSILON * bounds.reach();
+        (center, half_extent)
+    }
+
     pub(crate) fn card(&self) -> WideCard {
         let mut frames = vec![0; self.frames.len()];
         let (mut leaves, mut deepest) = (0, 0);

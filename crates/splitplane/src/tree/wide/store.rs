@@ -30,9 +30,8 @@ pub(super) fn store(tree: &Tree, items: &Items) -> Result<Wide, BuildError> {
             return Err(BuildError::TooLarge { what, count, limit });
         }
     }
-    let bounds = tree.bounds();
-    let is_empty = bounds.is_empty();
     let shared = &tree.shared().frames;
+    let (center, half_extent) = Wide::scale(&tree.bounds());
     let wide = Wide {
         nodes: Vec::new(),
         corners: Vec::new(),
@@ -41,13 +40,8 @@ pub(super) fn store(tree: &Tree, items: &Items) -> Result<Wide, BuildError> {
             true => vec![Frame::IDENTITY],
             false => shared.clone(),
         },
-        center: match is_empty {
-            true => [0.0; 3],
-            false => bounds.center(),
-        },
-        // More than half the longest edge: the centre is rounded.
-        half_extent: bounds.extent().into_iter().fold(0.0, f32::max) * 0.5
-            + f32::EPSILON * bounds.reach(),
+        center,
+        half_extent,
     };
     let mut writer = Writer {
         tree,
