@@ -71,8 +71,8 @@ struct Args {
     /// Seed of the rays
     #[arg(long, default_value_t = 0)]
     seed: u64,
-    /// Measure nothing: cast so many rays of each set whose answers are certain, and count those
-    /// that are lost
+    /// Measure nothing: cast so many of each set of rays that `splitplane verify` knows, and count
+    /// the answers that are missing or wrong
     #[arg(long, value_name = "RAYS", value_parser = clap::value_parser!(u64).range(1..))]
     leaks: Option<u64>,
     /// Append the rows to this file, as JSON, one a line
@@ -96,7 +96,8 @@ struct Args {
 fn main() -> Result<()> {
     let args = Args::parse();
     if let Some(rays) = args.leaks {
-        let table = leaks::markdown(&args.contenders, &leaks::leaks(&args.contenders, rays)?);
+        let columns = leaks::leaks(&args.contenders, rays)?;
+        let table = leaks::markdown(&args.contenders, &columns, rays);
         print!("{table}");
         if let Some(path) = &args.markdown {
             std::fs::write(path, table)?;

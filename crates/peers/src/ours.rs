@@ -49,9 +49,8 @@ impl Ours {
             Asked::Binary => Layout::Binary,
             Asked::Wide | Asked::Batch => Layout::Wide,
         };
-        let tree = pool.install(|| {
-            Tree::build(mesh, choice, &BuildParams::default())?.with_layout(layout)
-        })?;
+        let tree = pool
+            .install(|| Tree::build(mesh, choice, &BuildParams::default())?.with_layout(layout))?;
         Ok(Ours { tree, asked })
     }
 }

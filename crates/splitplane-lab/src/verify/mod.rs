@@ -56,11 +56,13 @@ impl Leaks {
         }
     }
 
-    const MISSED: Leaks = Leaks {
+    /// A ray that was answered with a miss although it hits.
+    pub const MISSED: Leaks = Leaks {
         missed: 1,
         wrong: 0,
     };
-    const WRONG: Leaks = Leaks {
+    /// A ray that was answered wrongly in another way.
+    pub const WRONG: Leaks = Leaks {
         missed: 0,
         wrong: 1,
     };
