@@ -48,13 +48,13 @@ soak rays="1e8" times="300":
     SPLITPLANE_SOAK={{times}} cargo test --release -p splitplane --lib
     cargo test --release -p splitplane --test bad_geometry -- --ignored
 
-# The library's `unsafe` under Miri; needs a nightly Rust with the components miri and rust-src.
+# The library's `unsafe` under Miri, which takes long; needs a nightly Rust with the components miri and rust-src.
 miri:
     MIRIFLAGS="-Zmiri-tree-borrows -Zmiri-permissive-provenance" \
         cargo +nightly miri test -p splitplane --test small
 
 # The rays of `verify` through other libraries as well, as the table in docs/verify.md.
-leaks rays="1e5" *arguments:
+leaks rays="100000" *arguments:
     cargo run --release --manifest-path crates/peers/Cargo.toml -- --leaks {{rays}} {{arguments}}
 
 # Advisories and licences of the dependencies; needs cargo-deny.
