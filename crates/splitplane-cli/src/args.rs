@@ -77,7 +77,8 @@ pub struct RenderCommand {
     pub layout: Option<Layout>,
     #[command(flatten)]
     pub picture: PictureArgs,
-    /// Go on taking samples until so much time is over, e.g. 60s, 5m or 1h
+    /// Go on taking samples until so much time is over, e.g. 60s, 5m or 1h; those of --spp are taken
+    /// in any case
     #[arg(long, value_name = "TIME", value_parser = duration)]
     pub time: Option<f64>,
     /// Go on with the unfinished picture that an interrupted run of the same left in the folder

@@ -426,9 +426,15 @@ fn with_a_limit_of_time_samples_are_added_until_it_is_over() {
     };
     let short = render(&scene, &tree, &settings(None), &()).unwrap();
     assert_eq!(short.samples_per_pixel, 2);
-    // A limit that is over at once: the scene's own samples, and no more.
+    // A limit that is over at once: the samples that were asked for, and no more; one if none were.
     let over = render(&scene, &tree, &settings(Some(0.0)), &()).unwrap();
     assert_eq!(without_time(over), without_time(short.clone()));
+    let unasked = RenderSettings {
+        samples_per_pixel: None,
+        ..settings(Some(0.0))
+    };
+    let one = render(&scene, &tree, &unasked, &()).unwrap();
+    assert_eq!(one.samples_per_pixel, 1);
     // One that is never over: more and more, until it is stopped.
     let enough = Enough {
         samples: 30,

@@ -55,7 +55,8 @@ pub struct RenderSettings {
     pub crop: Option<[f32; 4]>,
     /// The most bounces, in place of the scene's; ambient occlusion has none.
     pub max_depth: Option<u32>,
-    /// Takes further samples until so many seconds are over; the first ones are taken in any case.
+    /// Takes further samples until so many seconds are over; `samples_per_pixel` are taken in any
+    /// case, or one where that is not set.
     /// Where this is set, how many samples a picture has depends on the machine.
     pub time: Option<f64>,
     /// Count triangle tests and node visits, in all and per pixel. Without, the queries run
@@ -300,7 +301,14 @@ pub fn render_from<'t>(
             return Err(RenderError::OtherCheckpoint);
         }
         Some(from) => from,
-        None => Checkpoint::new(fingerprint, plan.samples_per_pixel, pixels, settings.count),
+        None => {
+            // Within a limit of time, a scene's own number of samples may be far too many.
+            let first = match (settings.time, settings.samples_per_pixel) {
+                (Some(_), None) => 1,
+                _ => plan.samples_per_pixel,
+            };
+            Checkpoint::new(fingerprint, first, pixels, settings.count)
+        }
     };
     let lights = Lights::new(scene);
     let world = World::new(scene, &lights, plan.integrator);
@@ -310,6 +318,7 @@ pub fn render_from<'t>(
         world: &world,
         tree,
         sequence: &plan.sequence,
+        samples_per_pixel: plan.samples_per_pixel,
         spacing: 1.0 / (plan.samples_per_pixel as f32).sqrt(),
         progress,
     };

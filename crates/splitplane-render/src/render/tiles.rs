@@ -33,6 +33,8 @@ pub(super) struct Job<'j> {
     pub(super) world: &'j World<'j>,
     pub(super) tree: SceneTree<'j>,
     pub(super) sequence: &'j Sequence,
+    /// Without a limit of time.
+    pub(super) samples_per_pixel: u32,
     /// Between samples, in pixels.
     pub(super) spacing: f32,
     pub(super) progress: &'j dyn Progress,
@@ -51,7 +53,7 @@ struct Tile {
 }
 
 impl Job<'_> {
-    /// Renders on from `state`. With a limit of time, further passes follow the scene's.
+    /// Renders on from `state`. With a limit of time, further passes follow the first one.
     pub(super) fn run<const COUNT: bool>(
         &self,
         mut state: Checkpoint,
@@ -66,8 +68,11 @@ impl Job<'_> {
             self.pass::<COUNT>(&tiles, &mut film, &mut state, start, before)?;
             state.seconds = before + start.elapsed().as_secs_f64();
             let done = state.first_sample + state.samples;
-            let left = time.map(|time| time - state.seconds);
-            let next = left.map_or(0.0, |left| left / state.seconds * f64::from(done));
+            let next = match time {
+                Some(time) => (time - state.seconds) / state.seconds * f64::from(done),
+                // What was begun with a limit may have had fewer samples.
+                None => f64::from(self.samples_per_pixel.saturating_sub(done)),
+            };
             if next < 1.0 {
                 return Ok(self.picture(&film, &state, done));
             }
