@@ -39,6 +39,16 @@ struct Place {
     normal: [f32; 3],
 }
 
+impl Place {
+    /// That of a ray that hits nothing.
+    const NONE: Place = Place {
+        geometry: MISS,
+        triangle: MISS,
+        uv: [0.0; 2],
+        normal: [0.0; 3],
+    };
+}
+
 impl Tree {
     /// Builds a tree, which may take a while.
     pub(crate) fn over(
@@ -103,7 +113,8 @@ impl Tree {
         costs: &mut [C],
     ) -> PyResult<Hits<'py>> {
         let count = rays.len();
-        let normals = py.detach(|| self.normals());
+        // Once, and without the interpreter's lock.
+        py.detach(|| self.normals());
         let t: Array1<'_, f32> = empty(py, &[count], numpy::dtype::<f32>(py))?;
         let geometry: Array1<'_, u32> = empty(py, &[count], numpy::dtype::<u32>(py))?;
         let triangle: Array1<'_, u32> = empty(py, &[count], numpy::dtype::<u32>(py))?;
@@ -134,19 +145,13 @@ impl Tree {
                         let hits = &mut hits[..rows.len()];
                         C::closest_hits(&self.built.tree, rays.of_rows(rows, chunk), hits, costs);
                         for (i, hit) in hits.iter().enumerate() {
-                            let (distance, part, uv_of, normal_of) = match hit {
-                                Some(hit) => (
-                                    hit.t,
-                                    self.own(hit.triangle),
-                                    [hit.u, hit.v],
-                                    normals[hit.triangle as usize],
-                                ),
-                                None => (f32::INFINITY, (MISS, MISS), [0.0; 2], [0.0; 3]),
+                            let place;
+                            (t[i], place) = match hit {
+                                Some(hit) => (hit.t, self.place(hit.triangle, hit.u, hit.v)),
+                                None => (f32::INFINITY, Place::NONE),
                             };
-                            t[i] = distance;
-                            (geometry[i], triangle[i]) = part;
-                            uv[i] = uv_of;
-                            normal[i] = normal_of;
+                            (geometry[i], triangle[i]) = (place.geometry, place.triangle);
+                            (uv[i], normal[i]) = (place.uv, place.normal);
                         }
                     });
             })?;
