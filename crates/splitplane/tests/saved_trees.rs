@@ -1,6 +1,5 @@
 //! Saved trees: loaded as they were, or refused.
 
-use sha2::{Digest, Sha256};
 use splitplane::{
     Axis, BuildParams, Counts, Layout, LoadError, Mesh, ObliquePricing, Ray, TREES, Ties, Tree,
     TreeChoice,
@@ -8,7 +7,7 @@ use splitplane::{
 
 mod common;
 
-use common::{Random, soup, sphere};
+use common::{Random, saved, soup, sphere, with_sum};
 
 fn choices() -> impl Iterator<Item = TreeChoice> {
     TREES
@@ -23,20 +22,6 @@ fn trees(mesh: &Mesh, params: &BuildParams) -> Vec<Tree> {
         Layout::ALL.map(|layout| tree.clone().with_layout(layout).unwrap())
     };
     choices().flat_map(of).collect()
-}
-
-fn saved(tree: &Tree) -> Vec<u8> {
-    let mut bytes = Vec::new();
-    tree.write_to(&mut bytes).unwrap();
-    bytes
-}
-
-/// The same content with the sum that it should have.
-fn with_sum(mut bytes: Vec<u8>) -> Vec<u8> {
-    let content = bytes.len() - 32;
-    let sum = Sha256::digest(&bytes[..content]);
-    bytes[content..].copy_from_slice(&sum);
-    bytes
 }
 
 fn rays(count: usize) -> Vec<Ray> {

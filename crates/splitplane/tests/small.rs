@@ -7,7 +7,7 @@ use splitplane::{
 
 mod common;
 
-use common::{Random, soup, sphere};
+use common::{Random, saved, soup, sphere, with_sum};
 
 /// All trees over a mesh, in all layouts, each as it was built and as it is loaded again.
 fn trees(mesh: &Mesh) -> impl Iterator<Item = Tree> {
@@ -15,11 +15,8 @@ fn trees(mesh: &Mesh) -> impl Iterator<Item = Tree> {
         let choice = TreeChoice::new(spec.name, None).unwrap();
         let tree = Tree::build(mesh, choice, &BuildParams::default()).unwrap();
         let both = Layout::ALL.map(|layout| tree.clone().with_layout(layout).unwrap());
-        both.into_iter().flat_map(|tree| {
-            let mut bytes = Vec::new();
-            tree.write_to(&mut bytes).unwrap();
-            [Tree::from_bytes(&bytes, mesh).unwrap(), tree]
-        })
+        both.into_iter()
+            .flat_map(|tree| [Tree::from_bytes(&saved(&tree), mesh).unwrap(), tree])
     };
     // The interpreter has time for one tree of each kind of node.
     let few = ["kd", "wn+kd", "framed"];
@@ -85,23 +82,18 @@ fn a_batch_is_answered_like_its_rays() {
 /// Whatever a file says, with the sum that it should have, no query reads what is not there.
 #[test]
 fn changed_files_lead_no_query_astray() {
-    use sha2::{Digest, Sha256};
     let mesh = soup(8, 1.0);
     let rays = rays(&mesh);
     let (mut loaded, mut refused, mut hits) = (0, 0, Vec::new());
     for name in ["kd", "wn+kd:6", "framed"] {
         let tree = Tree::build(&mesh, name.parse().unwrap(), &BuildParams::default()).unwrap();
-        let mut bytes = Vec::new();
-        let wide = tree.with_layout(Layout::Wide).unwrap();
-        wide.write_to(&mut bytes).unwrap();
+        let bytes = saved(&tree.with_layout(Layout::Wide).unwrap());
         let content = bytes.len() - 32;
         // Few of the places there are: `saved_trees` tries them all.
         for place in (12..content).step_by(content / 8) {
             let mut changed = bytes.clone();
             changed[place] ^= 0xff;
-            let sum = Sha256::digest(&changed[..content]);
-            changed[content..].copy_from_slice(&sum);
-            let Ok(tree) = Tree::from_bytes(&changed, &mesh) else {
+            let Ok(tree) = Tree::from_bytes(&with_sum(changed), &mesh) else {
                 refused += 1;
                 continue;
             };

@@ -1,7 +1,8 @@
 #![allow(dead_code, reason = "not every test uses all of them")]
-//! Scenes for tests.
+//! Scenes for tests, and saved trees.
 
-use splitplane::Mesh;
+use sha2::{Digest, Sha256};
+use splitplane::{Mesh, Tree};
 
 /// A small generator of random numbers (xorshift), so that scenes are the same everywhere.
 pub(crate) struct Random(pub(crate) u64);
@@ -63,4 +64,19 @@ pub(crate) fn sphere(rings: u32) -> Mesh {
         }
     }
     Mesh::new(positions, triangles).unwrap()
+}
+
+/// A tree as a file holds it.
+pub(crate) fn saved(tree: &Tree) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    tree.write_to(&mut bytes).unwrap();
+    bytes
+}
+
+/// The same content with the sum that it should have.
+pub(crate) fn with_sum(mut bytes: Vec<u8>) -> Vec<u8> {
+    let content = bytes.len() - 32;
+    let sum = Sha256::digest(&bytes[..content]);
+    bytes[content..].copy_from_slice(&sum);
+    bytes
 }
