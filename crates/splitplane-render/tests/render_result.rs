@@ -392,6 +392,30 @@ fn an_interrupted_rendering_goes_on_to_the_same_picture() {
     assert_eq!(without_time(resumed), without_time(whole));
 }
 
+#[test]
+fn what_was_begun_with_a_limit_of_time_gets_all_its_samples_without() {
+    let mut scene = room();
+    scene.sampler.samples_per_pixel = 3;
+    let tree = tree_of(&scene);
+    let limited = RenderSettings {
+        resolution: Some((300, 200)),
+        time: Some(0.0),
+        threads: 1,
+        ..Default::default()
+    };
+    let interrupting = Interrupting::default();
+    let stopped = render(&scene, &tree, &limited, &interrupting);
+    assert_eq!(stopped, Err(RenderError::Cancelled));
+    let kept = interrupting.kept.into_inner().unwrap().unwrap();
+    let settings = RenderSettings {
+        time: None,
+        ..limited
+    };
+    let resumed = render_from(&scene, &tree, &settings, Some(kept), &()).unwrap();
+    assert_eq!(resumed.samples_per_pixel, 3);
+    assert_eq!(resumed.rays.camera, 300 * 200 * 3);
+}
+
 /// Stops once a pixel has so many samples, and keeps the picture.
 struct Enough {
     samples: u32,

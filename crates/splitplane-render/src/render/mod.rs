@@ -319,7 +319,6 @@ pub fn render_from<'t>(
         tree,
         sequence: &plan.sequence,
         samples_per_pixel: plan.samples_per_pixel,
-        spacing: 1.0 / (plan.samples_per_pixel as f32).sqrt(),
         progress,
     };
     pool.install(|| {

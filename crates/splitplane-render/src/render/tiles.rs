@@ -35,8 +35,6 @@ pub(super) struct Job<'j> {
     pub(super) sequence: &'j Sequence,
     /// Without a limit of time.
     pub(super) samples_per_pixel: u32,
-    /// Between samples, in pixels.
-    pub(super) spacing: f32,
     pub(super) progress: &'j dyn Progress,
 }
 
@@ -189,6 +187,8 @@ impl Job<'_> {
     ) -> Result<Tile, RenderError> {
         let mut gatherer = Gatherer::<COUNT>::new(self.world, self.tree, self.sequence);
         gatherer.sampler.start_tile(number, samples.start);
+        // Between samples, in pixels.
+        let spacing = 1.0 / (self.samples_per_pixel as f32).sqrt();
         let count = pixels.pixels();
         let mut film = FilmTile::new(self.plan.reach(&pixels));
         let mut first_hits = Vec::with_capacity(count);
@@ -209,9 +209,7 @@ impl Job<'_> {
                     let place = Vec2::new(x as f32, y as f32) + gatherer.sampler.next_2d();
                     // pbrt's time; here nothing moves.
                     let _time = gatherer.sampler.next_1d();
-                    let beam = self
-                        .camera
-                        .beam(place, gatherer.sampler.next_2d(), self.spacing);
+                    let beam = self.camera.beam(place, gatherer.sampler.next_2d(), spacing);
                     let Gathered { radiance, first } = gatherer.gather(&beam);
                     first.into_iter().for_each(|hit| hits.add(hit));
                     film.add(self.plan, place, sound(radiance));
