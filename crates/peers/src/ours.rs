@@ -1,7 +1,7 @@
 //! Our own trees: NAME or NAME@LAYOUT.
 
 use anyhow::{Result, bail};
-use splitplane::{BuildParams, Counts, Hit, Layout, Mesh, Ray, Tree, TreeChoice};
+use splitplane::{BuildParams, Coherence, Counts, Hit, Layout, Mesh, Ray, Tree, TreeChoice};
 
 use crate::contender::{Contender, Work, each};
 use crate::rays::Kind;
@@ -14,7 +14,7 @@ enum Asked {
     /// Stored in wide nodes, one ray after the other.
     Wide,
     /// Stored in wide nodes, all rays in one call.
-    Batch,
+    Batch(Coherence),
 }
 
 /// A tree.
@@ -39,15 +39,20 @@ impl Ours {
         let asked = match layout {
             "binary" => Asked::Binary,
             "wide" => Asked::Wide,
-            "batch" => Asked::Batch,
-            _ => bail!("there is no layout \"{layout}\"; there are binary, wide and batch"),
+            "batch" => Asked::Batch(Coherence::Unknown),
+            "packets" => Asked::Batch(Coherence::Coherent),
+            "alone" => Asked::Batch(Coherence::Incoherent),
+            _ => bail!(
+                "there is no layout \"{layout}\"; there are binary, wide, batch, and batches of \
+                 packets or of rays that go alone"
+            ),
         };
         let pool = rayon::ThreadPoolBuilder::new()
             .num_threads(threads)
             .build()?;
         let layout = match asked {
             Asked::Binary => Layout::Binary,
-            Asked::Wide | Asked::Batch => Layout::Wide,
+            Asked::Wide | Asked::Batch(_) => Layout::Wide,
         };
         let tree = pool
             .install(|| Tree::build(mesh, choice, &BuildParams::default())?.with_layout(layout))?;
@@ -61,14 +66,14 @@ impl Contender for Ours {
             Asked::Binary | Asked::Wide => {
                 each(rays, hits, |ray| self.tree.closest_hit(ray, &mut ()))
             }
-            Asked::Batch => self.tree.closest_hits(rays, hits),
+            Asked::Batch(how) => self.tree.closest_hits_as(how, rays, hits),
         }
     }
 
     fn any(&self, _: Kind, rays: &[Ray], hits: &mut [bool]) {
         match self.asked {
             Asked::Binary | Asked::Wide => each(rays, hits, |ray| self.tree.any_hit(ray, &mut ())),
-            Asked::Batch => self.tree.any_hits(rays, hits),
+            Asked::Batch(how) => self.tree.any_hits_as(how, rays, hits),
         }
     }
 

@@ -393,6 +393,22 @@ fn an_interrupted_rendering_goes_on_to_the_same_picture() {
 }
 
 #[test]
+fn many_samples_are_kept_after_few_tiles() {
+    let scene = room();
+    let tree = tree_of(&scene);
+    // 15 tiles, of which one at a time of so many samples has to be waited for.
+    let settings = RenderSettings {
+        samples_per_pixel: Some(1200),
+        threads: 1,
+        ..Default::default()
+    };
+    let interrupting = Interrupting::default();
+    let stopped = render(&scene, &tree, &settings, &interrupting);
+    assert_eq!(stopped, Err(RenderError::Cancelled));
+    assert!(interrupting.kept.into_inner().unwrap().is_some());
+}
+
+#[test]
 fn what_was_begun_with_a_limit_of_time_gets_all_its_samples_without() {
     let mut scene = room();
     scene.sampler.samples_per_pixel = 3;

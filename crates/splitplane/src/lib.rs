@@ -91,7 +91,7 @@ pub use build::{
 pub use catalog::{Directions, ParseTreeError, TREES, TreeChoice, TreeSpec};
 pub use geometry::{Aabb, Mesh, MeshError, Parts, Ray, Skipped};
 pub use instances::{InstanceHit, Instances, InstancesError, Transform, TransformError};
-pub use query::{ClosestPoint, Counters, Counts, Hit, Traversal, brute_force};
+pub use query::{ClosestPoint, Coherence, Counters, Counts, Hit, Traversal, brute_force};
 pub use tree::{
     Axis, Layout, LoadError, NodeCounts, Section, SectionCell, SectionSegment, Tree, TreeCard,
     ValidateError, WideCard,

@@ -20,8 +20,12 @@ use super::{LeafSizes, PixelCounts, Progress, RayKinds, RenderError, Rendered};
 /// Edge of a tile, in pixels.
 const TILE: i32 = 16;
 
-/// Tiles a thread that wait to be merged at most; the threads meet after so many.
-const BATCH: usize = 64;
+/// Tiles a thread that wait to be merged; the threads meet after so many. Fewer where a tile takes
+/// long: what waits is lost when a rendering is interrupted.
+const BATCH: std::ops::RangeInclusive<usize> = 4..=64;
+
+/// Camera rays of the tiles that wait, for each thread, where that many tiles are allowed.
+const BATCH_RAYS: usize = 1 << 20;
 
 /// Samples of a pixel in one pass at most, where time is limited.
 const LONGEST_PASS: u32 = 64;
@@ -96,7 +100,9 @@ impl Job<'_> {
         let done = AtomicU64::new(done.sum::<u64>() * u64::from(state.samples));
         let numbered: Vec<(u64, Window)> = (0..).zip(tiles.iter().copied()).collect();
         let samples = state.first_sample..state.first_sample + state.samples;
-        for batch in numbered[skip..].chunks(BATCH * rayon::current_num_threads()) {
+        let rays_per_tile = (TILE * TILE) as usize * (state.samples as usize).max(1);
+        let batch = (BATCH_RAYS / rays_per_tile).clamp(*BATCH.start(), *BATCH.end());
+        for batch in numbered[skip..].chunks(batch * rayon::current_num_threads()) {
             let tiles: Vec<Tile> = batch
                 .par_iter()
                 .with_max_len(1)

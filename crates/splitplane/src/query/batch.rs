@@ -10,6 +10,20 @@ use crate::tree::Tree;
 /// Rays that one thread takes at a time.
 const CHUNK: usize = 1024;
 
+/// Whether rays that follow each other in a batch go much the same way, as those of a camera do when
+/// they are taken tile by tile. It never changes an answer, only the time that it takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Coherence {
+    /// The library looks at the rays: those that follow each other go through the tree together
+    /// where they are close to each other.
+    #[default]
+    Unknown,
+    /// They go together, however far apart they are.
+    Coherent,
+    /// Each goes alone.
+    Incoherent,
+}
+
 /// What many rays are asked.
 pub(super) trait Question {
     type Search<'r>: Search;
@@ -18,7 +32,7 @@ pub(super) trait Question {
     fn answer(search: &Self::Search<'_>) -> Self::Answer;
 }
 
-struct ClosestHit;
+pub(super) struct ClosestHit;
 
 impl Question for ClosestHit {
     type Search<'r> = Closest<'r, fn(&Hit) -> bool>;
@@ -56,27 +70,32 @@ fn accept_all(_: &Hit) -> bool {
     true
 }
 
-pub(crate) fn closest_hits(tree: &Tree, rays: &[Ray], hits: &mut [Option<Hit>]) {
-    each::<ClosestHit>(tree, rays, hits);
+pub(crate) fn closest_hits(
+    tree: &Tree,
+    rays: &[Ray],
+    hits: &mut [Option<Hit>],
+    coherence: Coherence,
+) {
+    each::<ClosestHit>(tree, rays, hits, coherence);
 }
 
-pub(crate) fn any_hits(tree: &Tree, rays: &[Ray], hits: &mut [bool]) {
-    each::<AnyHit>(tree, rays, hits);
+pub(crate) fn any_hits(tree: &Tree, rays: &[Ray], hits: &mut [bool], coherence: Coherence) {
+    each::<AnyHit>(tree, rays, hits, coherence);
 }
 
-fn each<Q: Question>(tree: &Tree, rays: &[Ray], answers: &mut [Q::Answer]) {
+fn each<Q: Question>(tree: &Tree, rays: &[Ray], answers: &mut [Q::Answer], coherence: Coherence) {
     assert_eq!(rays.len(), answers.len(), "as many hits as rays");
     if rays.len() <= CHUNK {
-        return chunk::<Q>(tree, rays, answers);
+        return chunk::<Q>(tree, rays, answers, coherence);
     }
     (rays.par_chunks(CHUNK))
         .zip(answers.par_chunks_mut(CHUNK))
-        .for_each(|(rays, answers)| chunk::<Q>(tree, rays, answers));
+        .for_each(|(rays, answers)| chunk::<Q>(tree, rays, answers, coherence));
 }
 
-fn chunk<Q: Question>(tree: &Tree, rays: &[Ray], answers: &mut [Q::Answer]) {
+fn chunk<Q: Question>(tree: &Tree, rays: &[Ray], answers: &mut [Q::Answer], coherence: Coherence) {
     if let Some(wide) = tree.wide() {
-        return wide::traverse_all::<Q>(wide, rays, answers);
+        return wide::traverse_all::<Q>(wide, rays, answers, coherence);
     }
     for (ray, answer) in rays.iter().zip(answers) {
         let mut search = Q::search(ray);

@@ -15,6 +15,7 @@ use crate::geometry::Ray;
 use crate::geometry::triangle::{Shear, plane_is_beyond};
 use crate::tree::{Tree, with_nodes};
 pub(crate) use all_hits::all_hits;
+pub use batch::Coherence;
 pub(crate) use batch::{any_hits, closest_hits};
 pub use brute_force::brute_force;
 pub(crate) use inside::contains;
@@ -404,11 +405,22 @@ mod tests {
                 let choice = TreeChoice::new(spec.name, None).unwrap();
                 let binary = Tree::build(&mesh, choice, &params).unwrap();
                 let wide = binary.clone().with_layout(crate::Layout::Wide).unwrap();
-                for &(origin, target) in &rays {
-                    let origin = move_away(origin.map(|c| c * origin_scale));
-                    let target = move_away(target);
-                    let ray = Ray::new(origin, std::array::from_fn(|i| target[i] - origin[i]));
-                    let nearest = brute_force(&mesh, &ray);
+                let rays: Vec<Ray> = rays
+                    .iter()
+                    .map(|&(origin, target)| {
+                        let origin = move_away(origin.map(|c| c * origin_scale));
+                        let target = move_away(target);
+                        Ray::new(origin, std::array::from_fn(|i| target[i] - origin[i]))
+                    })
+                    .collect();
+                // Together, though they go anywhere.
+                let nearest: Vec<_> = rays.iter().map(|ray| brute_force(&mesh, ray)).collect();
+                let (mut together, mut any) = (vec![None; rays.len()], vec![false; rays.len()]);
+                wide.closest_hits_as(Coherence::Coherent, &rays, &mut together);
+                prop_assert_eq!(&together, &nearest, "{} {:?}", choice, rays);
+                wide.any_hits_as(Coherence::Coherent, &rays, &mut any);
+                prop_assert!(any.iter().zip(&nearest).all(|(&any, hit)| any == hit.is_some()));
+                for (ray, nearest) in rays.into_iter().zip(nearest) {
                     let all = all_hits::test_all(&mesh, &ray);
                     // The second of all hits is the nearest without the first.
                     let others = |hit: &Hit| Some(hit.triangle) != all.first().map(|hit| hit.triangle);

@@ -15,7 +15,7 @@ pub use validate::ValidateError;
 use crate::build::{BuildError, BuildParams, BuildStats, Built, Progress, grow};
 use crate::catalog::{Directions, TreeChoice, TreeSpec};
 use crate::geometry::{Aabb, Mesh, Ray};
-use crate::query::{self, ClosestPoint, Counters, Hit, Place, Traversal};
+use crate::query::{self, ClosestPoint, Coherence, Counters, Hit, Place, Traversal};
 use card::Expected;
 use nodes::{BoxNode, IndexedNode, KdNode, ObliqueNode, Shared};
 use wide::Wide;
@@ -379,7 +379,15 @@ impl Tree {
     /// # Panics
     /// If there are not as many `hits` as `rays`.
     pub fn closest_hits(&self, rays: &[Ray], hits: &mut [Option<Hit>]) {
-        query::closest_hits(self, rays, hits);
+        self.closest_hits_as(Coherence::Unknown, rays, hits);
+    }
+
+    /// The same, where the caller knows whether rays that follow each other go much the same way.
+    ///
+    /// # Panics
+    /// If there are not as many `hits` as `rays`.
+    pub fn closest_hits_as(&self, coherence: Coherence, rays: &[Ray], hits: &mut [Option<Hit>]) {
+        query::closest_hits(self, rays, hits, coherence);
     }
 
     /// Whether anything is hit, of many rays, as [`Tree::any_hit`] says it, on the threads of the
@@ -388,7 +396,15 @@ impl Tree {
     /// # Panics
     /// If there are not as many `hits` as `rays`.
     pub fn any_hits(&self, rays: &[Ray], hits: &mut [bool]) {
-        query::any_hits(self, rays, hits);
+        self.any_hits_as(Coherence::Unknown, rays, hits);
+    }
+
+    /// The same, where the caller knows whether rays that follow each other go much the same way.
+    ///
+    /// # Panics
+    /// If there are not as many `hits` as `rays`.
+    pub fn any_hits_as(&self, coherence: Coherence, rays: &[Ray], hits: &mut [bool]) {
+        query::any_hits(self, rays, hits, coherence);
     }
 
     /// The point of the mesh nearest to `point`, no further than `max_distance` (in scene units;

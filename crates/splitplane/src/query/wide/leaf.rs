@@ -2,6 +2,7 @@
 
 use std::ops::ControlFlow;
 
+use super::packet::{Group, Sights};
 use super::splats;
 use crate::geometry::triangle::Shear;
 use crate::query::Hit;
@@ -27,6 +28,10 @@ const T_ERROR: f32 = 80.0 * 0.5 * f32::EPSILON;
 /// (72 + 60 + 12) R M Z, and the comparison with a t by (120 + 60) R M times that t. What
 /// [`plane_is_beyond`](crate::geometry::triangle::plane_is_beyond) rounds in f64 is nothing beside.
 const SURE_ERROR: f32 = 320.0 * 0.5 * f32::EPSILON;
+
+/// No hit of a group beyond this t is known before it is computed: products with an infinite one
+/// are not numbers.
+const FURTHEST: f32 = 1e15;
 
 /// The corners of the triangles of a leaf, as in [`Wide::corners`].
 #[derive(Clone, Copy)]
@@ -67,6 +72,18 @@ impl<'a> Rows<'a> {
         [row(0), row(1), row(2)]
     }
 
+    /// The rows of three axes.
+    #[inline(always)]
+    fn along_axes<L: Lanes>(&self, [kx, ky, kz]: [usize; 3]) -> [[L; 3]; 3] {
+        let ([x0, x1, x2], [y0, y1, y2]) = (self.along(kx), self.along(ky));
+        let [z0, z1, z2] = self.along(kz);
+        [
+            [L::load(x0), L::load(x1), L::load(x2)],
+            [L::load(y0), L::load(y1), L::load(y2)],
+            [L::load(z0), L::load(z1), L::load(z2)],
+        ]
+    }
+
     #[inline(always)]
     fn corners(&self, slot: usize) -> [[f32; 3]; 3] {
         debug_assert!(slot < self.count);
@@ -79,7 +96,29 @@ impl<'a> Rows<'a> {
     }
 }
 
-/// Up to eight triangles of a leaf, sheared.
+/// The rays' part of the triangle test, a ray for each lane.
+#[derive(Clone, Copy)]
+pub(super) struct Sight<L> {
+    /// As in [`Shear`].
+    pub(super) to_origin: [L; 3],
+    pub(super) shear: [L; 2],
+    pub(super) along: L,
+}
+
+impl<L: Lanes> Sight<L> {
+    /// One ray for all lanes.
+    #[inline(always)]
+    fn splat(shear: &Shear) -> Self {
+        let [sx, sy, _] = shear.shear;
+        Sight {
+            to_origin: splats(shear.to_origin),
+            shear: [L::splat(sx), L::splat(sy)],
+            along: L::splat(shear.along),
+        }
+    }
+}
+
+/// A ray and a triangle for each lane: the triangle, sheared.
 struct Block<L> {
     /// Per corner.
     x: [L; 3],
@@ -90,28 +129,22 @@ struct Block<L> {
 }
 
 impl<L: Lanes> Block<L> {
-    /// As [`Shear::apply`] and [`Shear::meet`] do.
+    /// As [`Shear::apply`] and [`Shear::meet`] do, of the corners' coordinates along the axes of
+    /// the shear.
     #[inline(always)]
-    fn new(shear: &Shear, rows: Rows) -> Self {
-        let [kx, ky, kz] = shear.axes;
-        let [ox, oy, oz] = splats::<L>(shear.to_origin);
-        let [sx, sy, _] = splats::<L>(shear.shear);
-        let ([x0, x1, x2], [y0, y1, y2]) = (rows.along(kx), rows.along(ky));
-        let [z0, z1, z2] = rows.along(kz);
-        let z = [
-            L::load(z0).add(oz),
-            L::load(z1).add(oz),
-            L::load(z2).add(oz),
-        ];
+    fn new(sight: &Sight<L>, [x, y, z]: [[L; 3]; 3]) -> Self {
+        let [ox, oy, oz] = sight.to_origin;
+        let [sx, sy] = sight.shear;
+        let z = [z[0].add(oz), z[1].add(oz), z[2].add(oz)];
         let x = [
-            L::load(x0).add(ox).sub(sx.mul(z[0])),
-            L::load(x1).add(ox).sub(sx.mul(z[1])),
-            L::load(x2).add(ox).sub(sx.mul(z[2])),
+            x[0].add(ox).sub(sx.mul(z[0])),
+            x[1].add(ox).sub(sx.mul(z[1])),
+            x[2].add(ox).sub(sx.mul(z[2])),
         ];
         let y = [
-            L::load(y0).add(oy).sub(sy.mul(z[0])),
-            L::load(y1).add(oy).sub(sy.mul(z[1])),
-            L::load(y2).add(oy).sub(sy.mul(z[2])),
+            y[0].add(oy).sub(sy.mul(z[0])),
+            y[1].add(oy).sub(sy.mul(z[1])),
+            y[2].add(oy).sub(sy.mul(z[2])),
         ];
         let edges = [
             x[2].mul(y[1]).sub(y[2].mul(x[1])),
@@ -141,7 +174,7 @@ impl<L: Lanes> Block<L> {
 
     /// Where the ray meets the planes of the triangles.
     #[inline(always)]
-    fn depths(&self, shear: &Shear) -> Depths<L> {
+    fn depths(&self, along: L) -> Depths<L> {
         let [u, v, w] = self.edges;
         let [az, bz, cz] = self.z;
         let determinant = u.add(v).add(w);
@@ -151,9 +184,7 @@ impl<L: Lanes> Block<L> {
         let x = x0.abs().max(x1.abs()).max(x2.abs());
         let y = y0.abs().max(y1.abs()).max(y2.abs());
         Depths {
-            depth: depth
-                .times_sign(determinant)
-                .times_sign(L::splat(shear.along)),
+            depth: depth.times_sign(determinant).times_sign(along),
             size: determinant.abs(),
             // Numbers too small to be normal are off by as much, whatever their size.
             product: x.mul_add(y, L::splat(f32::MIN_POSITIVE)),
@@ -177,42 +208,42 @@ impl<L: Lanes> Depths<L> {
     /// A bit for each triangle that is met, if at all, before the lowest t that is wanted, by more
     /// than rounding.
     #[inline(always)]
-    fn before(&self, (low, error): (f32, f32)) -> u32 {
-        let off = self
-            .product
-            .mul_add(L::splat(error), L::splat(f32::MIN_POSITIVE));
-        let depth = self.size.mul_add(L::splat(-low), self.depth);
+    fn before(&self, low: Limit<L>) -> u32 {
+        let off = self.product.mul_add(low.error, L::splat(f32::MIN_POSITIVE));
+        let depth = self.size.mul_add(low.minus_t, self.depth);
         self.sure() & depth.add(off).lt(L::splat(0.0))
     }
 
     /// A bit for each triangle that is met, if at all, beyond the highest t that is wanted, by more
     /// than rounding.
     #[inline(always)]
-    fn beyond(&self, (high, error): (f32, f32)) -> u32 {
+    fn beyond(&self, high: Limit<L>) -> u32 {
         let off = self
             .product
-            .mul_add(L::splat(error), L::splat(f32::MIN_POSITIVE));
-        let depth = self.size.mul_add(L::splat(-high), self.depth);
+            .mul_add(high.error, L::splat(f32::MIN_POSITIVE));
+        let depth = self.size.mul_add(high.minus_t, self.depth);
         self.sure() & off.lt(depth)
     }
 
-    /// A bit for each triangle that is met between two t, whatever rounding does, if it is met
-    /// inside.
+    /// A bit for each triangle that is met beyond the lowest t that is wanted, whatever rounding
+    /// does, if it is met inside.
     #[inline(always)]
-    fn within(&self, low: f32, high: f32, reach: f32) -> u32 {
+    fn surely_after(&self, low: Limit<L>, reach: f32) -> u32 {
         let tiny = L::splat(f32::MIN_POSITIVE);
         let unit = self.across.mul(L::splat(SURE_ERROR * reach));
-        let above_low = self.size.mul_add(L::splat(-low), self.depth);
-        let after = unit
-            .mul_add(L::splat(reach + low.abs()), tiny)
-            .lt(above_low);
-        let sure = unit.add(tiny).lt(self.size);
-        if high == f32::INFINITY {
-            return sure & after;
-        }
-        let above_high = self.size.mul_add(L::splat(-high), self.depth);
-        let off = unit.mul_add(L::splat(reach + high.abs()), tiny);
-        sure & after & above_high.add(off).lt(L::splat(0.0))
+        let off = unit.mul_add(L::splat(reach).add(low.minus_t.abs()), tiny);
+        unit.add(tiny).lt(self.size) & off.lt(self.size.mul_add(low.minus_t, self.depth))
+    }
+
+    /// A bit for each triangle of which the sign of the determinant is known that is met before the
+    /// highest t that is wanted, a finite one, whatever rounding does, if it is met inside.
+    #[inline(always)]
+    fn surely_before(&self, high: Limit<L>, reach: f32) -> u32 {
+        let tiny = L::splat(f32::MIN_POSITIVE);
+        let unit = self.across.mul(L::splat(SURE_ERROR * reach));
+        let off = unit.mul_add(L::splat(reach).add(high.minus_t.abs()), tiny);
+        let depth = self.size.mul_add(high.minus_t, self.depth);
+        depth.add(off).lt(L::splat(0.0))
     }
 
     /// Whether the sign of the determinant is known.
@@ -240,10 +271,32 @@ impl<L: Lanes> Depths<L> {
 
 /// A limit of t in multiples of the direction's largest component, and what rounding may do to it
 /// over the bound of a triangle's products.
-#[inline(always)]
-fn limit(t: f32, shear: &Shear, reach: f32) -> (f32, f32) {
-    let t = t * shear.along.abs();
-    (t, T_ERROR * (reach + t.abs() + f32::MIN_POSITIVE))
+#[derive(Clone, Copy)]
+struct Limit<L> {
+    minus_t: L,
+    error: L,
+}
+
+impl<L: Lanes> Limit<L> {
+    /// The same for all lanes.
+    #[inline(always)]
+    fn splat(t: f32, shear: &Shear, reach: f32) -> Self {
+        let t = t * shear.along.abs();
+        Limit {
+            minus_t: L::splat(-t),
+            error: L::splat(T_ERROR * (reach + t.abs() + f32::MIN_POSITIVE)),
+        }
+    }
+
+    #[inline(always)]
+    fn new(t: L, along: L, reach: f32) -> Self {
+        let minus_t = t.mul(L::splat(0.0).sub(along.abs()));
+        let reach = L::splat(reach + f32::MIN_POSITIVE);
+        Limit {
+            minus_t,
+            error: reach.add(minus_t.abs()).mul(L::splat(T_ERROR)),
+        }
+    }
 }
 
 /// A triangle of a leaf that the f32 edge functions do not refuse.
@@ -293,16 +346,26 @@ pub(super) fn visit<L: Lanes, S: Search>(
         }
         return ControlFlow::Continue(true);
     };
-    let block = Block::<L>::new(shear, rows);
+    let sight = Sight::<L>::splat(shear);
+    let block = Block::new(&sight, rows.along_axes(shear.axes));
     let mut candidates = block.met() & ((1 << count) - 1);
     if candidates == 0 {
         return ControlFlow::Continue(false);
     }
-    let depths = block.depths(shear);
-    let (low, high) = (limit(t_min, shear, reach), limit(t_max, shear, reach));
-    if S::NEEDS_NO_HIT && candidates & block.inside() & depths.within(low.0, high.0, reach) != 0 {
-        search.found_without_hit();
-        return ControlFlow::Break(());
+    let depths = block.depths(sight.along);
+    let (low, high) = (
+        Limit::splat(t_min, shear, reach),
+        Limit::splat(t_max, shear, reach),
+    );
+    if S::NEEDS_NO_HIT {
+        let mut found = candidates & block.inside() & depths.surely_after(low, reach);
+        if t_max != f32::INFINITY {
+            found &= depths.surely_before(high, reach);
+        }
+        if found != 0 {
+            search.found_without_hit();
+            return ControlFlow::Break(());
+        }
     }
     candidates &= !(depths.before(low) | depths.beyond(high));
     if candidates == 0 {
@@ -320,10 +383,77 @@ pub(super) fn visit<L: Lanes, S: Search>(
         }
         let t_max = search.limit_above();
         if let Some(shear) = search.shear() {
-            candidates &= !depths.beyond(limit(t_max, shear, reach));
+            candidates &= !depths.beyond(Limit::splat(t_max, shear, reach));
         }
         if candidates == 0 {
             return ControlFlow::Continue(true);
+        }
+    }
+}
+
+/// Asks the searches of a group about the triangles of a leaf that its rays may hit: those of a bit
+/// in `active`, which all go furthest along the same axis. Bits of rays whose search is over are
+/// taken away.
+#[inline(always)]
+pub(super) fn visit_group<L: Lanes, S: Search>(
+    wide: &Wide,
+    (start, count): (usize, usize),
+    sights: &Sights<L>,
+    group: &mut Group<L, S>,
+    mut active: u32,
+) {
+    let rows = Rows::new(wide, start, count);
+    for slot in 0..count {
+        let triangle = InLeaf {
+            index: wide.triangles[start + slot],
+            slot,
+            rows,
+        };
+        let [a, b, c] = rows.corners(slot);
+        let [kx, ky, kz] = sights.axes;
+        let corners = [
+            splats([a[kx], b[kx], c[kx]]),
+            splats([a[ky], b[ky], c[ky]]),
+            splats([a[kz], b[kz], c[kz]]),
+        ];
+        for (part, sight) in sights.parts.iter().enumerate() {
+            let first = WIDTH * part;
+            let rays = active >> first & 0xff;
+            if rays == 0 {
+                continue;
+            }
+            let block = Block::new(sight, corners);
+            let mut candidates = block.met() & rays;
+            if candidates == 0 {
+                continue;
+            }
+            let depths = block.depths(sight.along);
+            let low = Limit::new(group.t_min[part], sight.along, group.reach);
+            let high = Limit::new(L::load(&group.limits[part]), sight.along, group.reach);
+            if S::NEEDS_NO_HIT {
+                let near = L::load(&group.limits[part]).min(L::splat(FURTHEST));
+                let near = Limit::new(near, sight.along, group.reach);
+                let mut found = candidates
+                    & block.inside()
+                    & depths.surely_after(low, group.reach)
+                    & depths.surely_before(near, group.reach);
+                candidates &= !found;
+                active &= !(found << first);
+                while found != 0 {
+                    let ray = first + found.trailing_zeros() as usize;
+                    found &= found - 1;
+                    group.searches[ray].found_without_hit();
+                    group.stop(ray);
+                }
+            }
+            candidates &= !(depths.before(low) | depths.beyond(high));
+            while candidates != 0 {
+                let ray = first + candidates.trailing_zeros() as usize;
+                candidates &= candidates - 1;
+                if group.test(ray, &triangle).is_break() {
+                    active &= !(1 << ray);
+                }
+            }
         }
     }
 }

@@ -18,7 +18,7 @@ const BOX_ERROR: f32 = 40.0;
 
 /// Components of the direction that are smaller are taken for this large: where the largest one is
 /// not below 2^-20, they move the ray by less than any rounding. With it no product overflows.
-const SMALLEST: f32 = 1e-18;
+pub(super) const SMALLEST: f32 = 1e-18;
 
 /// With a margin as large as this, beyond 10^17 between a ray's origin and a scene, all boxes are
 /// visited.
@@ -29,6 +29,23 @@ const NEAR: f32 = 4.0;
 
 /// From this distance on, products of lengths may overflow.
 const FAR_REACH: f32 = 1e9;
+
+/// Whether a ray's direction needs no care.
+#[inline(always)]
+pub(super) fn is_ordinary(ray: &Ray) -> bool {
+    ORDINARY.contains(&exponent(Vec3A::from(ray.direction)))
+}
+
+/// Whether a reach is such that no product overflows.
+#[inline(always)]
+pub(super) fn is_near(reach: f32) -> bool {
+    reach < FAR_REACH
+}
+
+#[inline(always)]
+fn exponent(direction: Vec3A) -> u32 {
+    direction.abs().max_element().to_bits() >> 23
+}
 
 /// Biased exponents of a direction's largest component that need no care: from 2^-20 to 2^20.
 const ORDINARY: std::ops::Range<u32> = 127 - 20..127 + 20;
@@ -50,7 +67,7 @@ pub(super) type Rows = [[Row; 2]; 3];
 
 /// By the axes along which the direction is negative, a bit for each. A table, since compilers try
 /// too hard otherwise.
-static ROWS: [Rows; 8] = {
+pub(super) static ROWS: [Rows; 8] = {
     let mut table = [[[Row(0); 2]; 3]; 8];
     let mut signs = 0;
     while signs < 8 {
@@ -97,17 +114,17 @@ impl Line {
         let origin = Vec3A::from(ray.origin) - Vec3A::from(wide.center);
         let direction = Vec3A::from(ray.direction);
         let reach = origin.abs().max_element() + wide.half_extent;
-        let exponent = direction.abs().max_element().to_bits() >> 23;
         // Most rays begin in the scene or near it; theirs is known before their origin is.
         let margin = match reach < NEAR * wide.half_extent {
             true => margin(NEAR * wide.half_extent),
             false => margin_apart(reach),
         };
         // An origin that is far away may overflow to what is not a number.
-        let (direction, scale, reach) = match ORDINARY.contains(&exponent) && reach < FAR_REACH {
-            true => (direction, 1.0, reach),
-            false => with_care(ray, margin, reach),
-        };
+        let (direction, scale, reach) =
+            match ORDINARY.contains(&exponent(direction)) && is_near(reach) {
+                true => (direction, 1.0, reach),
+                false => with_care(ray, margin, reach),
+            };
         Line {
             origin,
             direction,
@@ -180,8 +197,14 @@ fn along(origin: Vec3A, direction: Vec3A, margin: f32) -> FrameRay {
 
 #[inline(always)]
 fn margin(reach: f32) -> f32 {
+    margin_of(BOX_ERROR, reach)
+}
+
+/// So many units of ε/2 times a reach.
+#[inline(always)]
+pub(super) fn margin_of(units: f32, reach: f32) -> f32 {
     // Numbers too small to be normal are rounded by as much, whatever their size.
-    BOX_ERROR * (0.5 * f32::EPSILON * reach + f32::from_bits(1))
+    units * (0.5 * f32::EPSILON * reach + f32::from_bits(1))
 }
 
 /// Apart, so that it is not taken for part of the other case.
@@ -205,7 +228,7 @@ fn with_care(ray: &Ray, margin: f32, reach: f32) -> (Vec3A, f32, f32) {
     let per_scale = f64::from_bits((2 * 1023 - exponent) << 52);
     let scale = f64::from_bits(exponent << 52) as f32;
     let far_scale = if is_far(margin) { FAR_SCALE } else { 1.0 };
-    let reach = match reach < FAR_REACH {
+    let reach = match is_near(reach) {
         true => reach,
         false => f32::INFINITY,
     };

@@ -12,71 +12,23 @@
 
 mod leaf;
 mod line;
+mod packet;
+mod stack;
 
-use std::mem::MaybeUninit;
 use std::ops::ControlFlow;
 
 use super::Counters;
-use super::batch::Question;
+use super::batch::{Coherence, Question};
 use super::simd::{Instructions, Lanes, Task};
 use super::traverse::Search;
 use crate::geometry::{Frame, Ray};
-use crate::tree::wide::{Child, Link, MAX_DEPTH, MAX_FRAMES, WIDTH, Wide, WideNode};
+use crate::tree::wide::{Child, Link, Wide, WideNode};
 use line::{FrameRay, Line, Rows};
-
-/// A child that is still to be visited, and where the ray enters its box.
-#[derive(Clone, Copy)]
-struct Entry {
-    near: f32,
-    link: Link,
-}
-
-impl Entry {
-    #[inline(always)]
-    fn new(near: &[f32; WIDTH], node: &WideNode, slot: usize) -> Self {
-        Entry {
-            near: near[slot],
-            link: node.children[slot],
-        }
-    }
-}
-
-/// Children of a node that are still to be visited, in their order, a bit for each.
-#[derive(Clone, Copy)]
-struct Rest {
-    node: u32,
-    children: u32,
-}
-
-/// What is still to be visited: as an [`Entry`] where hits are best found in their order along the
-/// ray, otherwise as a [`Rest`].
-#[derive(Clone, Copy)]
-union Pending {
-    entry: Entry,
-    rest: Rest,
-}
+use stack::{Frames, Space, Stack};
 
 #[inline(always)]
 fn splats<L: Lanes>([x, y, z]: [f32; 3]) -> [L; 3] {
     [L::splat(x), L::splat(y), L::splat(z)]
-}
-
-/// Every visit takes a child off and puts up to eight on.
-const STACK: usize = (WIDTH - 1) * MAX_DEPTH + 1;
-
-/// What a cursor writes to before it reads it. It lies apart, since moving it would take longer than
-/// a ray does.
-struct Space {
-    stack: [MaybeUninit<Pending>; STACK],
-    /// The ray in the frames that it has met.
-    frames: [MaybeUninit<FrameRay>; MAX_FRAMES],
-}
-
-impl Space {
-    const NEW: Space = Space {
-        stack: [MaybeUninit::uninit(); STACK],
-        frames: [MaybeUninit::uninit(); MAX_FRAMES],
-    };
 }
 
 struct Walk<'a, S, C> {
@@ -135,6 +87,7 @@ struct Batch<'a, Q: Question> {
     wide: &'a Wide,
     rays: &'a [Ray],
     answers: &'a mut [Q::Answer],
+    coherence: Coherence,
 }
 
 impl<Q: Question> Task for Batch<'_, Q> {
@@ -146,34 +99,61 @@ impl<Q: Question> Task for Batch<'_, Q> {
             wide,
             rays,
             answers,
+            coherence,
         } = self;
         let mut space = Space::NEW;
-        for (ray, answer) in rays.iter().zip(answers) {
-            let mut search = Q::search(ray);
-            if ray.is_valid() {
-                let mut cursor = Cursor::<L>::new(wide, ray, &search, &mut space);
-                while cursor.step(wide, &mut search, &mut ()) {}
+        let mut together = Space::NEW;
+        let answers = answers.chunks_mut(packet::RAYS);
+        for (rays, answers) in rays.chunks(packet::RAYS).zip(answers) {
+            if coherence != Coherence::Incoherent
+                && let Ok(rays) = rays.try_into()
+                && let Ok(answers) = (&mut *answers).try_into()
+                && packet::traverse::<L, Q>(wide, rays, answers, &mut together, coherence)
+            {
+                continue;
             }
-            *answer = Q::answer(&search);
+            for (ray, answer) in rays.iter().zip(answers) {
+                let mut search = Q::search(ray);
+                if ray.is_valid() {
+                    let mut cursor = Cursor::<L>::new(wide, ray, &search, &mut space);
+                    while cursor.step(wide, &mut search, &mut ()) {}
+                }
+                *answer = Q::answer(&search);
+            }
         }
     }
 }
 
 /// Takes all rays through the tree.
-pub(super) fn traverse_all<Q: Question>(wide: &Wide, rays: &[Ray], answers: &mut [Q::Answer]) {
-    Instructions::best().run(Batch::<Q> {
+pub(super) fn traverse_all<Q: Question>(
+    wide: &Wide,
+    rays: &[Ray],
+    answers: &mut [Q::Answer],
+    coherence: Coherence,
+) {
+    traverse_all_with::<Q>(Instructions::best(), wide, rays, answers, coherence);
+}
+
+fn traverse_all_with<Q: Question>(
+    instructions: Instructions,
+    wide: &Wide,
+    rays: &[Ray],
+    answers: &mut [Q::Answer],
+    coherence: Coherence,
+) {
+    instructions.run(Batch::<Q> {
         wide,
         rays,
         answers,
+        coherence,
     });
 }
 
 /// Where a ray is on its way through a tree.
 struct Cursor<'s, L> {
     line: Line,
-    space: &'s mut Space,
-    /// A bit for each frame that has been met and is in `space`.
-    met: u64,
+    stack: Stack<'s, Link>,
+    frames: Frames<'s, FrameRay>,
     frame: u32,
     inverse: [L; 3],
     entry: [L; 3],
@@ -184,13 +164,16 @@ struct Cursor<'s, L> {
     /// Beyond this nothing is wanted any more.
     limit: f32,
     next: Link,
-    /// How many entries the stack has.
-    depth: usize,
 }
 
 impl<'s, L: Lanes> Cursor<'s, L> {
     #[inline(always)]
-    fn new(wide: &Wide, ray: &Ray, search: &impl Search, space: &'s mut Space) -> Self {
+    fn new(
+        wide: &Wide,
+        ray: &Ray,
+        search: &impl Search,
+        space: &'s mut Space<Link, FrameRay>,
+    ) -> Self {
         let line = Line::new(wide, ray);
         let (t_min, limit) = (line.t_below(ray.t_min), line.t_above(search.limit_above()));
         let FrameRay {
@@ -198,9 +181,10 @@ impl<'s, L: Lanes> Cursor<'s, L> {
             offsets: [entry, exit],
             rows,
         } = line.in_world();
+        let (stack, frames) = space.emptied();
         Cursor {
-            space,
-            met: 0,
+            stack,
+            frames,
             frame: Frame::WORLD,
             inverse: splats(inverse),
             entry: splats(entry),
@@ -210,25 +194,21 @@ impl<'s, L: Lanes> Cursor<'s, L> {
             ray_t_min: ray.t_min,
             limit,
             next: Link::ROOT,
-            depth: 0,
             line,
         }
     }
 
     #[inline(always)]
     fn enter(&mut self, frame: u32, wide: &Wide) {
-        let slot = &mut self.space.frames[frame as usize];
-        if self.met >> frame & 1 == 0 {
-            self.met |= 1 << frame;
-            slot.write(self.line.in_frame(frame, &wide.frames));
-        }
-        // SAFETY: the bit says that it has been written.
-        let ray = unsafe { slot.assume_init() };
-        self.frame = frame;
+        let ray = match self.frames.get(frame) {
+            Some(ray) => ray,
+            None => (self.frames).meet(frame, self.line.in_frame(frame, &wide.frames)),
+        };
         self.inverse = splats(ray.inverse);
         self.entry = splats(ray.offsets[0]);
         self.exit = splats(ray.offsets[1]);
         self.rows = ray.rows;
+        self.frame = frame;
     }
 
     /// Visits a node or a leaf; false when the search is over.
@@ -289,127 +269,21 @@ impl<'s, L: Lanes> Cursor<'s, L> {
         if met == 0 {
             return self.pop::<S>(wide);
         }
-        let first = met.trailing_zeros() as usize;
-        let mut others = met & (met - 1);
-        if others == 0 {
-            self.next = node.children[first];
-            return true;
-        }
-        if S::NEAREST_FIRST {
-            let near = near.to_array();
-            let mut best = Entry::new(&near, node, first);
-            let mut other = Entry::new(&near, node, others.trailing_zeros() as usize);
-            others &= others - 1;
-            if other.near < best.near {
-                std::mem::swap(&mut other, &mut best);
-            }
-            let bottom = self.depth;
-            self.push(wide, other);
-            while others != 0 {
-                let mut other = Entry::new(&near, node, others.trailing_zeros() as usize);
-                others &= others - 1;
-                if other.near < best.near {
-                    std::mem::swap(&mut other, &mut best);
-                }
-                self.push(wide, other);
-                // Nearer ones on top.
-                let mut at = self.depth - 1;
-                while at > bottom && self.entry(at - 1).near < other.near {
-                    self.set(at, self.get(at - 1));
-                    at -= 1;
-                }
-                self.set(at, Pending { entry: other });
-            }
-            self.next = best.link;
-        } else {
-            L::prefetch(wide.address(node.children[others.trailing_zeros() as usize]));
-            let rest = Rest {
-                node: index as u32,
-                children: others,
-            };
-            self.set(self.depth, Pending { rest });
-            self.depth += 1;
-            self.next = node.children[first];
-        }
+        self.next = self.stack.choose::<L, S>(wide, (index, node), met, near);
         true
     }
 
-    /// Puts a child on the stack and asks for its memory.
-    #[inline(always)]
-    fn push(&mut self, wide: &Wide, entry: Entry) {
-        L::prefetch(wide.address(entry.link));
-        self.set(self.depth, Pending { entry });
-        self.depth += 1;
-    }
-
-    #[inline(always)]
-    fn set(&mut self, at: usize, pending: Pending) {
-        debug_assert!(at < STACK);
-        // SAFETY: no tree is deeper than MAX_DEPTH, by `collapse` and by `check_wide`.
-        *unsafe { self.space.stack.get_unchecked_mut(at) } = MaybeUninit::new(pending);
-    }
-
-    #[inline(always)]
-    fn entry(&self, at: usize) -> Entry {
-        // SAFETY: both kinds are two numbers, of which any bits will do.
-        unsafe { self.get(at).entry }
-    }
-
-    /// What is on the stack below its depth.
-    #[inline(always)]
-    fn get(&self, at: usize) -> Pending {
-        debug_assert!(at < self.depth);
-        // SAFETY: all that is below the depth has been written, and callers look at nothing else.
-        unsafe { self.space.stack.get_unchecked(at).assume_init() }
-    }
-
-    /// Takes the next child that the search has not passed off the stack; false if there is none.
+    /// Goes on with what is next on the stack; false if there is nothing.
     #[inline(always)]
     fn pop<S: Search>(&mut self, wide: &Wide) -> bool {
-        if !S::NEAREST_FIRST {
-            return self.pop_rest(wide);
-        }
-        while self.depth > 0 {
-            let entry = self.entry(self.depth - 1);
-            self.depth -= 1;
-            if entry.near <= self.limit {
-                self.next = entry.link;
-                return true;
-            }
-        }
-        false
-    }
-
-    /// Takes the next of the children on top of the stack. The limit has not changed, so all of
-    /// them are still wanted.
-    #[inline(always)]
-    fn pop_rest(&mut self, wide: &Wide) -> bool {
-        let Some(top) = self.depth.checked_sub(1) else {
-            return false;
-        };
-        // SAFETY: both kinds are two numbers, of which any bits will do.
-        let Rest { node, children } = unsafe { self.get(top).rest };
-        debug_assert!((node as usize) < wide.nodes.len() && children != 0);
-        // SAFETY: only nodes that have been visited are put on the stack.
-        let node = unsafe { wide.nodes.get_unchecked(node as usize) };
-        self.next = node.children[children.trailing_zeros() as usize % WIDTH];
-        let children = children & (children - 1);
-        if children == 0 {
-            self.depth = top;
-        } else {
-            // SAFETY: as in `set`; what is there is a `Rest`.
-            unsafe {
-                let rest = self.space.stack.get_unchecked_mut(top).assume_init_mut();
-                rest.rest.children = children;
-            }
-        }
-        true
+        self.stack.pop::<S>(wide, self.limit, &mut self.next)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::query::batch::ClosestHit;
     use crate::query::{Any, Closest, Everything};
     use crate::{Hit, Mesh, Tree, TreeChoice};
     use proptest::prelude::*;
@@ -455,6 +329,8 @@ mod tests {
         fn all_instructions_give_the_same_hits(
             turns in prop::collection::vec((point(1.0), 0.0f32..3.0), 1..30),
             rays in prop::collection::vec((point(12.0), point(9.0)), 50),
+            camera in (point(12.0), point(9.0)),
+            spread in prop_oneof![Just(0.0f32), 0.0f32..1.0],
         ) {
             let mesh = turned_boxes(&turns);
             for name in ["framed", "bvh", "wn+kd:6"] {
@@ -462,8 +338,32 @@ mod tests {
                 let tree = Tree::build(&mesh, choice, &Default::default()).unwrap();
                 let tree = tree.with_layout(crate::Layout::Wide).unwrap();
                 let wide = tree.wide().unwrap();
-                for &(origin, target) in &rays {
-                    let ray = Ray::new(origin, std::array::from_fn(|i| target[i] - origin[i]));
+                let rays = |spread: f32| -> Vec<Ray> {
+                    let (from, to) = camera;
+                    let near = |p: [f32; 3], q: [f32; 3]| -> [f32; 3] {
+                        std::array::from_fn(|i| p[i] * (1.0 - spread) + q[i] * spread)
+                    };
+                    let ray = |&(origin, target)| {
+                        let (origin, target) = (near(from, origin), near(to, target));
+                        Ray::new(origin, std::array::from_fn(|i| target[i] - origin[i]))
+                    };
+                    rays.iter().map(ray).collect()
+                };
+                for spread in [0.02 * spread, spread] {
+                    let rays = rays(spread);
+                    let mut together = vec![None; rays.len()];
+                    for instructions in [Instructions::Portable, Instructions::best()] {
+                        for coherence in [Coherence::Coherent, Coherence::Unknown] {
+                            traverse_all_with::<ClosestHit>(
+                                instructions, wide, &rays, &mut together, coherence,
+                            );
+                            for (ray, hit) in rays.iter().zip(&together) {
+                                prop_assert_eq!(*hit, crate::brute_force(&mesh, ray));
+                            }
+                        }
+                    }
+                }
+                for ray in rays(1.0) {
                     let ask = |instructions| {
                         let mut closest = Closest::new(&ray, |_: &Hit| true);
                         traverse_with(instructions, wide, &ray, &mut closest, &mut ());
