@@ -7,7 +7,7 @@ use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use rayon::prelude::*;
-use splitplane::{Hit, Layout, Mesh, Progress, Tree, TreeChoice, brute_force};
+use splitplane::{Coherence, Hit, Layout, Mesh, Progress, Ray, Tree, TreeChoice, brute_force};
 
 use crate::LabError;
 use crate::run::{Settings, build};
@@ -16,6 +16,9 @@ pub use probes::{Expect, Probe, ProbeSet};
 
 /// Rays that are asked at once.
 const CHUNK: u64 = 4096;
+
+/// Rays that go through a tree together.
+const TOGETHER: u64 = 16;
 
 /// The most triangles that are tested for the truth of one set of rays: some seconds of work.
 const MOST_TESTS: u64 = 4_000_000_000;
@@ -26,7 +29,7 @@ pub struct Leaks {
     /// Rays that were answered with a miss although they hit.
     pub missed: u64,
     /// Rays that were answered with another hit than the right one, or with a hit where there is
-    /// none, or for which `any_hit` or `all_hits` said otherwise.
+    /// none, or for which `any_hit`, `all_hits` or a batch of rays that go together said otherwise.
     pub wrong: u64,
 }
 
@@ -177,8 +180,15 @@ pub fn verify(
             let last = rays.min(first + CHUNK);
             let mut leaks = vec![Leaks::default(); table.rows.len()];
             let mut all = Vec::new();
-            for i in first..last {
-                ask(set, i, &trees, i < by_brute_force, &mut all, &mut leaks);
+            for first in (first..last).step_by(TOGETHER as usize) {
+                let indices = first..last.min(first + TOGETHER);
+                let probes: Vec<Probe> = indices.map(|i| set.probe(i)).collect();
+                let batches: Vec<Batch> = trees.iter().map(|t| Batch::of(t, &probes)).collect();
+                for (i, probe) in probes.iter().enumerate() {
+                    let mesh = (first + (i as u64) < by_brute_force).then_some(set.mesh());
+                    let asked = trees.iter().zip(&batches);
+                    ask(probe, i, asked, mesh, &mut all, &mut leaks);
+                }
             }
             let before = done.fetch_add(last - first, Ordering::Relaxed);
             progress.advanced(before + last - first, total);
@@ -221,33 +231,52 @@ fn in_all_layouts(
     Ok(trees)
 }
 
-/// Asks all trees one ray; `all` is room for hits.
-fn ask(
-    set: &ProbeSet,
-    index: u64,
-    trees: &[Tree],
-    by_brute_force: bool,
+/// What a tree answered rays that went through it together, as far apart as they are.
+struct Batch {
+    closest: Vec<Option<Hit>>,
+    any: Vec<bool>,
+}
+
+impl Batch {
+    fn of(tree: &Tree, probes: &[Probe]) -> Batch {
+        let rays: Vec<Ray> = probes.iter().map(|probe| probe.ray).collect();
+        let mut batch = Batch {
+            closest: vec![None; rays.len()],
+            any: vec![false; rays.len()],
+        };
+        tree.closest_hits_as(Coherence::Coherent, &rays, &mut batch.closest);
+        tree.any_hits_as(Coherence::Coherent, &rays, &mut batch.any);
+        batch
+    }
+}
+
+/// Asks all trees one ray, and what they answered it as the one of that index in a batch. The truth
+/// is that of brute force where the mesh is given; `all` is room for hits.
+fn ask<'t>(
+    Probe { ray, expect }: &Probe,
+    index: usize,
+    trees: impl Iterator<Item = (&'t Tree, &'t Batch)> + Clone,
+    mesh: Option<&Mesh>,
     all: &mut Vec<Hit>,
     leaks: &mut [Leaks],
 ) {
-    let Probe { ray, expect } = set.probe(index);
-    let answers: Vec<Option<Hit>> = trees
-        .iter()
-        .map(|tree| tree.closest_hit(&ray, &mut ()))
+    let answers: Vec<Option<Hit>> = (trees.clone())
+        .map(|(tree, _)| tree.closest_hit(ray, &mut ()))
         .collect();
-    let truth = if by_brute_force {
-        brute_force(set.mesh(), &ray)
+    let truth = if let Some(mesh) = mesh {
+        brute_force(mesh, ray)
     } else {
         let hits = answers.iter().flatten().copied();
         hits.min_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)))
     };
-    leaks[0] += Leaks::of(truth, truth, expect, Hit::eq);
-    for ((tree, answer), leaks) in trees.iter().zip(answers).zip(&mut leaks[1..]) {
-        let mut found = Leaks::of(answer, truth, expect, Hit::eq);
+    leaks[0] += Leaks::of(truth, truth, *expect, Hit::eq);
+    for (((tree, batch), answer), leaks) in trees.zip(answers).zip(&mut leaks[1..]) {
+        let mut found = Leaks::of(answer, truth, *expect, Hit::eq);
         if found.is_tight() {
-            tree.all_hits(&ray, all, &mut ());
-            let agree = tree.any_hit(&ray, &mut ()) == truth.is_some();
-            if !agree || all.first() != truth.as_ref() {
+            tree.all_hits(ray, all, &mut ());
+            let any = [tree.any_hit(ray, &mut ()), batch.any[index]];
+            let closest = [all.first().copied(), batch.closest[index]];
+            if any != [truth.is_some(); 2] || closest != [truth; 2] {
                 found = Leaks::WRONG;
             }
         }
