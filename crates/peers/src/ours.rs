@@ -6,6 +6,9 @@ use splitplane::{BuildParams, Coherence, Counts, Hit, Layout, Mesh, Ray, Tree, T
 use crate::contender::{Contender, Work, each};
 use crate::rays::Kind;
 
+/// Rays of a call: so few that the calling thread, whose time is measured, answers them itself.
+const BATCH: usize = 1024;
+
 /// How a tree is asked.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Asked {
@@ -13,7 +16,7 @@ enum Asked {
     Binary,
     /// Stored in wide nodes, one ray after the other.
     Wide,
-    /// Stored in wide nodes, all rays in one call.
+    /// Stored in wide nodes, [`BATCH`] rays in one call.
     Batch(Coherence),
 }
 
@@ -66,14 +69,22 @@ impl Contender for Ours {
             Asked::Binary | Asked::Wide => {
                 each(rays, hits, |ray| self.tree.closest_hit(ray, &mut ()))
             }
-            Asked::Batch(how) => self.tree.closest_hits_as(how, rays, hits),
+            Asked::Batch(how) => {
+                for (rays, hits) in rays.chunks(BATCH).zip(hits.chunks_mut(BATCH)) {
+                    self.tree.closest_hits_as(how, rays, hits);
+                }
+            }
         }
     }
 
     fn any(&self, _: Kind, rays: &[Ray], hits: &mut [bool]) {
         match self.asked {
             Asked::Binary | Asked::Wide => each(rays, hits, |ray| self.tree.any_hit(ray, &mut ())),
-            Asked::Batch(how) => self.tree.any_hits_as(how, rays, hits),
+            Asked::Batch(how) => {
+                for (rays, hits) in rays.chunks(BATCH).zip(hits.chunks_mut(BATCH)) {
+                    self.tree.any_hits_as(how, rays, hits);
+                }
+            }
         }
     }
 
