@@ -7,7 +7,7 @@ use std::path::Path;
 
 use sha2::{Digest, Sha256};
 use splitplane::{
-    Axis, BuildParams, Layout, Mesh, Ray, TREES, Ties, Tree, TreeChoice, brute_force,
+    Axis, BuildParams, Coherence, Layout, Mesh, Ray, TREES, Ties, Tree, TreeChoice, brute_force,
 };
 use splitplane_render::scene::{LoadOptions, Scene, load};
 
@@ -305,6 +305,7 @@ pub fn build_and_cast(bytes: &[u8]) {
     let wide = tree.clone().with_layout(Layout::Wide);
     let wide = wide.expect("a small tree is stored in wide nodes");
     let mut all = Vec::new();
+    let (mut rays, mut truths) = (Vec::new(), Vec::new());
     while let (Some(origin), Some(direction)) = (numbers.point(), numbers.point()) {
         let mut ray = Ray::new(origin, direction);
         if options & 8 != 0 {
@@ -322,8 +323,23 @@ pub fn build_and_cast(bytes: &[u8]) {
             tree.all_hits(&ray, &mut all, &mut ());
             assert_eq!(all.first(), truth.as_ref(), "{}", case());
         }
+        rays.push(ray);
+        truths.push(truth);
     }
+    // Few rays go together as well: each of them more than once.
+    let count = rays.len().next_multiple_of(TOGETHER);
+    let rays: Vec<_> = rays.into_iter().cycle().take(count).collect();
+    let truths: Vec<_> = truths.into_iter().cycle().take(count).collect();
+    let (mut hits, mut any) = (vec![None; count], vec![false; count]);
+    wide.closest_hits_as(Coherence::Coherent, &rays, &mut hits);
+    wide.any_hits_as(Coherence::Coherent, &rays, &mut any);
+    assert_eq!(hits, truths, "{choice}, together: {rays:?}");
+    let truths: Vec<_> = truths.iter().map(Option::is_some).collect();
+    assert_eq!(any, truths, "{choice}, together: {rays:?}");
 }
+
+/// Rays that go through a tree together.
+const TOGETHER: usize = 16;
 
 /// The mesh that saved trees are loaded over.
 fn mesh_of_saved_trees() -> Mesh {
@@ -347,14 +363,22 @@ pub fn saved_tree(bytes: &[u8]) {
         return;
     };
     let mut hits = Vec::new();
+    let towards = |[x, y, z]: [f32; 3]| Ray::new([x, y, z], [0.3 - x, 0.2 - y, 0.1 - z]);
     for [x, y, z] in mesh.positions().iter().copied().chain([[1e19, 0.0, 0.0]]) {
-        let ray = Ray::new([x, y, z], [0.3 - x, 0.2 - y, 0.1 - z]);
+        let ray = towards([x, y, z]);
         tree.closest_hit(&ray, &mut ());
         tree.any_hit(&ray, &mut ());
         tree.all_hits(&ray, &mut hits, &mut ());
         tree.closest_point([x, y, z], f32::INFINITY, &mut ());
         tree.contains([x, y, z], &mut ());
     }
+    let rays: Vec<Ray> = (mesh.positions().iter().copied().map(towards))
+        .cycle()
+        .take(TOGETHER)
+        .collect();
+    let (mut together, mut any) = ([None; TOGETHER], [false; TOGETHER]);
+    tree.closest_hits_as(Coherence::Coherent, &rays, &mut together);
+    tree.any_hits_as(Coherence::Coherent, &rays, &mut any);
     tree.triangles_in_box(&tree.bounds(), &mut ());
     tree.section(Axis::X, 0.1, u32::MAX);
     tree.card();

@@ -2,7 +2,7 @@
 //! looks at every access to memory (`just miri`).
 
 use splitplane::{
-    BuildParams, Hit, Layout, Mesh, Ray, TREES, Tree, TreeChoice, TreeSpec, brute_force,
+    BuildParams, Coherence, Hit, Layout, Mesh, Ray, TREES, Tree, TreeChoice, TreeSpec, brute_force,
 };
 
 mod common;
@@ -74,9 +74,15 @@ fn a_batch_is_answered_like_its_rays() {
     let tree = Tree::new(&mesh).unwrap().with_layout(Layout::Wide).unwrap();
     let rays = rays(&mesh);
     let mut hits = vec![None; rays.len()];
-    tree.closest_hits(&rays, &mut hits);
     let truth: Vec<Option<Hit>> = rays.iter().map(|ray| brute_force(&mesh, ray)).collect();
-    assert_eq!(hits, truth);
+    for coherence in [
+        Coherence::Unknown,
+        Coherence::Coherent,
+        Coherence::Incoherent,
+    ] {
+        tree.closest_hits_as(coherence, &rays, &mut hits);
+        assert_eq!(hits, truth);
+    }
 }
 
 /// Whatever a file says, with the sum that it should have, no query reads what is not there.
