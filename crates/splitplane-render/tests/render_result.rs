@@ -7,7 +7,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use render_common::{Part, grey, matte, mean, rendered, scene, tree_of};
-use splitplane::{Counts, Mesh};
+use splitplane::{Counts, Mesh, Tree};
 use splitplane_render::render::{
     Checkpoint, Partial, PixelCounts, Progress, RenderError, RenderSettings, Rendered, render,
     render_from,
@@ -359,6 +359,15 @@ impl Progress for Interrupting {
     }
 }
 
+/// Renders until there is a partial picture, and gives what it takes to go on.
+fn interrupted(scene: &Scene, tree: &Tree, settings: &RenderSettings) -> Checkpoint {
+    let interrupting = Interrupting::default();
+    let stopped = render(scene, tree, settings, &interrupting);
+    assert_eq!(stopped, Err(RenderError::Cancelled));
+    let kept = interrupting.kept.into_inner().unwrap();
+    kept.expect("there was a partial picture")
+}
+
 #[test]
 fn an_interrupted_rendering_goes_on_to_the_same_picture() {
     let mut scene = room();
@@ -372,10 +381,7 @@ fn an_interrupted_rendering_goes_on_to_the_same_picture() {
         ..Default::default()
     };
     let whole = render(&scene, &tree, &settings, &()).unwrap();
-    let interrupting = Interrupting::default();
-    let stopped = render(&scene, &tree, &settings, &interrupting);
-    assert_eq!(stopped, Err(RenderError::Cancelled));
-    let kept = interrupting.kept.into_inner().unwrap().unwrap();
+    let kept = interrupted(&scene, &tree, &settings);
     let bytes = kept.to_bytes();
     let again = Checkpoint::from_bytes(&bytes).unwrap();
     assert_eq!(again, kept);
@@ -396,16 +402,13 @@ fn an_interrupted_rendering_goes_on_to_the_same_picture() {
 fn many_samples_are_kept_after_few_tiles() {
     let scene = room();
     let tree = tree_of(&scene);
-    // 15 tiles, of which one at a time of so many samples has to be waited for.
+    // 15 tiles, of which four of so many samples are waited for.
     let settings = RenderSettings {
         samples_per_pixel: Some(1200),
         threads: 1,
         ..Default::default()
     };
-    let interrupting = Interrupting::default();
-    let stopped = render(&scene, &tree, &settings, &interrupting);
-    assert_eq!(stopped, Err(RenderError::Cancelled));
-    assert!(interrupting.kept.into_inner().unwrap().is_some());
+    interrupted(&scene, &tree, &settings);
 }
 
 #[test]
@@ -419,10 +422,7 @@ fn what_was_begun_with_a_limit_of_time_gets_all_its_samples_without() {
         threads: 1,
         ..Default::default()
     };
-    let interrupting = Interrupting::default();
-    let stopped = render(&scene, &tree, &limited, &interrupting);
-    assert_eq!(stopped, Err(RenderError::Cancelled));
-    let kept = interrupting.kept.into_inner().unwrap().unwrap();
+    let kept = interrupted(&scene, &tree, &limited);
     let settings = RenderSettings {
         time: None,
         ..limited

@@ -17,9 +17,6 @@ pub use probes::{Expect, Probe, ProbeSet};
 /// Rays that are asked at once.
 const CHUNK: u64 = 4096;
 
-/// Rays that go through a tree together.
-const TOGETHER: u64 = 16;
-
 /// The most triangles that are tested for the truth of one set of rays: some seconds of work.
 const MOST_TESTS: u64 = 4_000_000_000;
 
@@ -180,15 +177,12 @@ pub fn verify(
             let last = rays.min(first + CHUNK);
             let mut leaks = vec![Leaks::default(); table.rows.len()];
             let mut all = Vec::new();
-            for first in (first..last).step_by(TOGETHER as usize) {
-                let indices = first..last.min(first + TOGETHER);
-                let probes: Vec<Probe> = indices.map(|i| set.probe(i)).collect();
-                let batches: Vec<Batch> = trees.iter().map(|t| Batch::of(t, &probes)).collect();
-                for (i, probe) in probes.iter().enumerate() {
-                    let mesh = (first + (i as u64) < by_brute_force).then_some(set.mesh());
-                    let asked = trees.iter().zip(&batches);
-                    ask(probe, i, asked, mesh, &mut all, &mut leaks);
-                }
+            let probes: Vec<Probe> = (first..last).map(|i| set.probe(i)).collect();
+            let batches: Vec<Batch> = trees.iter().map(|t| Batch::of(t, &probes)).collect();
+            for (i, probe) in probes.iter().enumerate() {
+                let mesh = (first + (i as u64) < by_brute_force).then_some(set.mesh());
+                let asked = trees.iter().zip(&batches);
+                ask(probe, i, asked, mesh, &mut all, &mut leaks);
             }
             let before = done.fetch_add(last - first, Ordering::Relaxed);
             progress.advanced(before + last - first, total);
@@ -231,7 +225,7 @@ fn in_all_layouts(
     Ok(trees)
 }
 
-/// What a tree answered rays that went through it together, as far apart as they are.
+/// What a tree answered a batch of rays, which went through it together, however far apart.
 struct Batch {
     closest: Vec<Option<Hit>>,
     any: Vec<bool>,

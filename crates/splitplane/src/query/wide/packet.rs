@@ -10,7 +10,7 @@ use std::ops::ControlFlow;
 use glam::Vec3A;
 
 use super::leaf::{self, Sight};
-use super::line::{self, ROWS, Rows};
+use super::line::{self, ROWS, Row};
 use super::splats;
 use super::stack::{Place, Space};
 use crate::geometry::triangle::Shear;
@@ -75,16 +75,16 @@ impl Spot {
 }
 
 /// The searches of a packet's rays, and which t they want.
-pub(super) struct Group<L, S> {
+pub(super) struct Group<S> {
     pub(super) searches: [S; RAYS],
-    pub(super) t_min: [L; PARTS],
+    pub(super) t_min: Numbers,
     /// Beyond this nothing is wanted any more; negative infinity where a search is over.
     pub(super) limits: Numbers,
     /// No point of the scene is further from any of the origins along an axis.
     pub(super) reach: f32,
 }
 
-impl<L: Lanes, S: Search> Group<L, S> {
+impl<S: Search> Group<S> {
     #[inline(always)]
     pub(super) fn test(&mut self, ray: usize, triangle: &impl Triangle) -> ControlFlow<()> {
         let search = &mut self.searches[ray];
@@ -104,12 +104,22 @@ impl<L: Lanes, S: Search> Group<L, S> {
 
     /// The limit of the search that wants most.
     #[inline(always)]
-    fn limit(&self) -> f32 {
+    fn limit<L: Lanes>(&self) -> f32 {
         let mut most = L::load(&self.limits[0]);
         for limits in &self.limits[1..] {
             most = most.max(L::load(limits));
         }
         highest(most)
+    }
+
+    /// The t_min of the search that begins first.
+    #[inline(always)]
+    fn first<L: Lanes>(&self) -> f32 {
+        let mut first = L::load(&self.t_min[0]);
+        for t_min in &self.t_min[1..] {
+            first = first.min(L::load(t_min));
+        }
+        lowest(first)
     }
 }
 
@@ -127,7 +137,9 @@ impl<L: Lanes> Sights<L> {
         let first = Shear::of(&Ray::new([0.0; 3], directions.map(|along| along[0][0])));
         let axes = first.axes;
         let mut same = true;
-        for part in 0..PARTS {
+        let mut parts = [Sight::new(axes, origins, directions, 0); PARTS];
+        for (part, sight) in parts.iter_mut().enumerate() {
+            *sight = Sight::new(axes, origins, directions, part);
             let [x, y, z] = load::<L>(directions, part);
             let (x, y, z) = (x.abs(), y.abs(), z.abs());
             let along_x = y.lt(x) & z.lt(x);
@@ -137,10 +149,6 @@ impl<L: Lanes> Sights<L> {
                 1 => along_y & 0xff == 0xff,
                 _ => (along_x | along_y) & 0xff == 0,
             };
-        }
-        let mut parts = [Sight::new(axes, origins, directions, 0); PARTS];
-        for (part, sight) in parts.iter_mut().enumerate().skip(1) {
-            *sight = Sight::new(axes, origins, directions, part);
         }
         same.then_some(Sights { axes, parts })
     }
@@ -187,123 +195,124 @@ impl<L: Lanes> Sight<L> {
     }
 }
 
-/// The rays of a packet as boxes of one frame see them.
+/// The rays of a packet as boxes of one frame see them, along its axes.
+pub(super) type Beam<L> = [Slab<L>; 3];
+
+/// The rays of a packet along an axis of a frame.
 ///
-/// A ray is at a coordinate c at t = c · inverse + offset, as in
-/// [`FrameRay`](line::FrameRay), or from a point p at t = (c - p) · inverse + (p · inverse + offset). Where p is
-/// near all origins the last term is small, and its range over the rays, with that of the inverse,
-/// bounds the t of all of them closely.
+/// A ray is at a coordinate c at t = c · inverse + offset, as in [`FrameRay`](line::FrameRay), or
+/// from a point p at t = (c - p) · inverse + (p · inverse + offset). Where p is near all origins the
+/// last term is small, and its range over the rays, with that of the inverse, bounds the t of all of
+/// them closely.
 #[derive(Clone, Copy)]
-pub(super) struct Beam<L> {
+pub(super) struct Slab<L> {
     /// Of each ray.
-    inverse: [[L; PARTS]; 3],
-    entry: [[L; PARTS]; 3],
-    exit: [[L; PARTS]; 3],
+    inverse: [L; PARTS],
+    entry: [L; PARTS],
+    exit: [L; PARTS],
     /// Of all rays.
-    point: [L; 3],
-    lowest: [L; 3],
-    highest: [L; 3],
-    first_entry: [L; 3],
-    last_exit: [L; 3],
-    rows: Rows,
+    point: L,
+    lowest: L,
+    highest: L,
+    first_entry: L,
+    last_exit: L,
+    /// Where boxes are entered, and where they are left.
+    rows: [Row; 2],
 }
 
-impl<L: Lanes> Beam<L> {
+impl<L: Lanes> Slab<L> {
     #[inline(always)]
-    fn new(frame: &Frame, origins: &[Numbers; 3], directions: &[Numbers; 3], margin: f32) -> Self {
+    fn new(
+        frame: &Frame,
+        axis: usize,
+        origins: &[Numbers; 3],
+        directions: &[Numbers; 3],
+        margin: f32,
+    ) -> Self {
+        let row: [L; 3] = splats(frame.rows[axis]);
         let zero = L::splat(0.0);
-        let mut beam = Beam {
-            inverse: [[zero; PARTS]; 3],
-            entry: [[zero; PARTS]; 3],
-            exit: [[zero; PARTS]; 3],
-            point: [zero; 3],
-            lowest: [zero; 3],
-            highest: [zero; 3],
-            first_entry: [zero; 3],
-            last_exit: [zero; 3],
-            rows: ROWS[0],
-        };
-        for (axis, &row) in frame.rows.iter().enumerate() {
-            let row: [L; 3] = splats(row);
-            let (mut low, mut high) = (L::splat(f32::INFINITY), L::splat(f32::NEG_INFINITY));
-            let (mut first, mut last) = (low, high);
-            let mut point = zero;
-            for part in 0..PARTS {
-                let origin = along(row, load(origins, part));
-                let direction = along(row, load(directions, part));
-                let size = direction.abs().max(L::splat(line::SMALLEST));
-                let inverse = L::splat(1.0).div(size).times_sign(direction);
-                let at = origin.mul(inverse).times_sign(L::splat(-1.0));
-                let off = inverse.abs().mul(L::splat(margin));
-                let (entry, exit) = (at.sub(off), at.add(off));
-                if part == 0 {
-                    point = L::splat(origin.to_array()[0]);
-                }
-                beam.inverse[axis][part] = inverse;
-                beam.entry[axis][part] = entry;
-                beam.exit[axis][part] = exit;
-                low = low.min(inverse);
-                high = high.max(inverse);
-                first = first.min(point.mul_add(inverse, entry));
-                last = last.max(point.mul_add(inverse, exit));
-            }
-            let (mut low, mut high) = (lowest(low), highest(high));
-            let (mut first, mut last) = (lowest(first), highest(last));
-            if low < 0.0 && high > 0.0 {
-                // Some go one way along the axis, some the other: any box may be met, but absent
-                // ones, whose sides are infinite.
-                (low, high) = (1e-3, 1e-3);
-                (first, last) = (f32::MIN, f32::MAX);
-            }
-            beam.rows[axis] = ROWS[if high < 0.0 { 7 } else { 0 }][axis];
-            beam.point[axis] = point;
-            beam.lowest[axis] = L::splat(low);
-            beam.highest[axis] = L::splat(high);
-            beam.first_entry[axis] = L::splat(first);
-            beam.last_exit[axis] = L::splat(last);
+        let (mut inverse, mut entry, mut exit) = ([zero; PARTS], [zero; PARTS], [zero; PARTS]);
+        let (mut low, mut high) = (L::splat(f32::INFINITY), L::splat(f32::NEG_INFINITY));
+        let (mut first, mut last) = (low, high);
+        let point = L::splat(along(row, load::<L>(origins, 0)).to_array()[0]);
+        for part in 0..PARTS {
+            let origin = along(row, load(origins, part));
+            let direction = along(row, load(directions, part));
+            let size = direction.abs().max(L::splat(line::SMALLEST));
+            inverse[part] = L::splat(1.0).div(size).times_sign(direction);
+            let at = origin.mul(inverse[part]).times_sign(L::splat(-1.0));
+            let off = inverse[part].abs().mul(L::splat(margin));
+            entry[part] = at.sub(off);
+            exit[part] = at.add(off);
+            low = low.min(inverse[part]);
+            high = high.max(inverse[part]);
+            first = first.min(point.mul_add(inverse[part], entry[part]));
+            last = last.max(point.mul_add(inverse[part], exit[part]));
         }
-        beam
+        let (mut low, mut high) = (lowest(low), highest(high));
+        let (mut first, mut last) = (lowest(first), highest(last));
+        if low < 0.0 && high > 0.0 {
+            // Some go one way along the axis, some the other: any box may be met, but absent ones,
+            // whose sides are infinite.
+            (low, high) = (1e-3, 1e-3);
+            (first, last) = (f32::MIN, f32::MAX);
+        }
+        Slab {
+            inverse,
+            entry,
+            exit,
+            point,
+            lowest: L::splat(low),
+            highest: L::splat(high),
+            first_entry: L::splat(first),
+            last_exit: L::splat(last),
+            rows: ROWS[if high < 0.0 { 7 } else { 0 }][axis],
+        }
     }
 
-    /// No more than where any ray enters the boxes of a node along an axis, and no less than where
-    /// any leaves them.
+    /// No more than where any ray enters the boxes of a node, and no less than where any leaves
+    /// them.
     #[inline(always)]
-    fn slab(&self, node: &WideNode, axis: usize) -> (L, L) {
-        let [entry, exit] = self.rows[axis];
-        let entry = L::load(entry.of(node)).sub(self.point[axis]);
-        let exit = L::load(exit.of(node)).sub(self.point[axis]);
-        let (low, high) = (self.lowest[axis], self.highest[axis]);
-        let (first, last) = (self.first_entry[axis], self.last_exit[axis]);
+    fn of_all(&self, node: &WideNode) -> (L, L) {
+        let [entry, exit] = self.rows;
+        let entry = L::load(entry.of(node)).sub(self.point);
+        let exit = L::load(exit.of(node)).sub(self.point);
+        let (first, last) = (self.first_entry, self.last_exit);
         (
-            entry.mul_add(low, first).min(entry.mul_add(high, first)),
-            exit.mul_add(low, last).max(exit.mul_add(high, last)),
+            (entry.mul_add(self.lowest, first)).min(entry.mul_add(self.highest, first)),
+            (exit.mul_add(self.lowest, last)).max(exit.mul_add(self.highest, last)),
         )
     }
 
-    /// A bit for each ray that meets the box of a child within its range of t.
+    /// Where each ray of a part enters and leaves what lies between two coordinates.
     #[inline(always)]
-    fn meet<S>(&self, node: &WideNode, slot: usize, group: &Group<L, S>) -> u32 {
-        let mut met = 0;
-        for part in 0..PARTS {
-            let tiny = L::splat(f32::MIN_POSITIVE);
-            let mut near = group.t_min[part].sub(tiny);
-            let mut far = L::load(&group.limits[part]).add(tiny);
-            for axis in 0..3 {
-                let low = L::splat(node.bounds[axis][slot]);
-                let high = L::splat(node.bounds[axis + 3][slot]);
-                let inverse = self.inverse[axis][part];
-                let (entry, exit) = (self.entry[axis][part], self.exit[axis][part]);
-                let first = low
-                    .mul_add(inverse, entry)
-                    .min(high.mul_add(inverse, entry));
-                let last = low.mul_add(inverse, exit).max(high.mul_add(inverse, exit));
-                near = near.max(first);
-                far = far.min(last);
-            }
-            met |= near.le(far) << (WIDTH * part);
-        }
-        met
+    fn of_each(&self, part: usize, low: f32, high: f32) -> (L, L) {
+        let (low, high) = (L::splat(low), L::splat(high));
+        let (inverse, entry, exit) = (self.inverse[part], self.entry[part], self.exit[part]);
+        (
+            (low.mul_add(inverse, entry)).min(high.mul_add(inverse, entry)),
+            (low.mul_add(inverse, exit)).max(high.mul_add(inverse, exit)),
+        )
     }
+}
+
+/// A bit for each ray that meets the box of a child within its range of t.
+#[inline(always)]
+fn meet<L: Lanes, S>(beam: &Beam<L>, node: &WideNode, slot: usize, group: &Group<S>) -> u32 {
+    let mut met = 0;
+    for part in 0..PARTS {
+        let tiny = L::splat(f32::MIN_POSITIVE);
+        let mut near = L::load(&group.t_min[part]).sub(tiny);
+        let mut far = L::load(&group.limits[part]).add(tiny);
+        for (axis, slab) in beam.iter().enumerate() {
+            let (low, high) = (node.bounds[axis][slot], node.bounds[axis + 3][slot]);
+            let (first, last) = slab.of_each(part, low, high);
+            near = near.max(first);
+            far = far.min(last);
+        }
+        met |= near.le(far) << (WIDTH * part);
+    }
+    met
 }
 
 /// A packet on its way through a tree.
@@ -314,14 +323,19 @@ struct Packet<'a, L, S> {
     directions: [Numbers; 3],
     margin: f32,
     sights: Option<Sights<L>>,
-    group: Group<L, S>,
+    group: Group<S>,
 }
 
 impl<L: Lanes, S: Search> Packet<'_, L, S> {
     #[inline(always)]
     fn beam(&self, frame: u32) -> Beam<L> {
         let frame = &self.wide.frames[frame as usize];
-        Beam::new(frame, &self.origins, &self.directions, self.margin)
+        let (origins, directions) = (&self.origins, &self.directions);
+        [
+            Slab::new(frame, 0, origins, directions, self.margin),
+            Slab::new(frame, 1, origins, directions, self.margin),
+            Slab::new(frame, 2, origins, directions, self.margin),
+        ]
     }
 
     /// Visits what the rays meet, until all searches have their answers.
@@ -329,27 +343,31 @@ impl<L: Lanes, S: Search> Packet<'_, L, S> {
     fn run(&mut self, space: &mut Space<Spot, Beam<L>>) {
         let wide = self.wide;
         let (mut stack, mut frames) = space.emptied();
-        let mut limit = self.group.limit() + f32::MIN_POSITIVE;
-        let mut t_min = self.group.t_min[0];
-        for &other in &self.group.t_min[1..] {
-            t_min = t_min.min(other);
-        }
-        let t_min = L::splat(lowest(t_min) - f32::MIN_POSITIVE);
+        let mut limit = self.group.limit::<L>() + f32::MIN_POSITIVE;
+        let t_min = L::splat(self.group.first::<L>() - f32::MIN_POSITIVE);
         let mut next = Spot::ROOT;
         loop {
-            match next.link.child() {
-                Child::Node(index) => {
-                    debug_assert!(index < wide.nodes.len());
-                    // SAFETY: the links of a tree name nodes that are there: `store` writes them
-                    // so, and `check_wide` refuses a tree from a file that is otherwise.
-                    let node = unsafe { wide.nodes.get_unchecked(index) };
-                    let beam = match frames.get(node.frame) {
-                        Some(beam) => beam,
-                        None => frames.meet(node.frame, self.beam(node.frame)),
-                    };
-                    let (near_x, far_x) = beam.slab(node, 0);
-                    let (near_y, far_y) = beam.slab(node, 1);
-                    let (near_z, far_z) = beam.slab(node, 2);
+            let child = next.link.child();
+            // The node whose boxes are looked at: all of them, or that of a leaf.
+            let index = match child {
+                Child::Node(index) => index,
+                Child::Leaf { .. } => next.node as usize,
+            };
+            debug_assert!(index < wide.nodes.len());
+            // SAFETY: the links of a tree name nodes that are there: `store` writes them so, and
+            // `check_wide` refuses a tree from a file that is otherwise. A leaf is a child of a node
+            // that has been visited.
+            let node = unsafe { wide.nodes.get_unchecked(index) };
+            let beam = match frames.get(node.frame) {
+                Some(beam) => beam,
+                None => frames.meet(node.frame, self.beam(node.frame)),
+            };
+            match child {
+                Child::Node(_) => {
+                    let [x, y, z] = beam;
+                    let (near_x, far_x) = x.of_all(node);
+                    let (near_y, far_y) = y.of_all(node);
+                    let (near_z, far_z) = z.of_all(node);
                     let near = near_x.max(near_y).max(near_z.max(t_min));
                     let far = far_x.min(far_y).min(far_z.min(L::splat(limit)));
                     let met = near.le(far);
@@ -359,16 +377,10 @@ impl<L: Lanes, S: Search> Packet<'_, L, S> {
                     }
                 }
                 Child::Leaf { start, count } => {
-                    // SAFETY: a leaf is a child of a node that has been visited.
-                    let node = unsafe { wide.nodes.get_unchecked(next.node as usize) };
-                    let beam = match frames.get(node.frame) {
-                        Some(beam) => beam,
-                        None => frames.meet(node.frame, self.beam(node.frame)),
-                    };
-                    let active = beam.meet(node, next.slot as usize, &self.group);
+                    let active = meet(beam, node, next.slot as usize, &self.group);
                     if active != 0 {
                         self.visit((start, count), active);
-                        limit = self.group.limit() + f32::MIN_POSITIVE;
+                        limit = self.group.limit::<L>() + f32::MIN_POSITIVE;
                         if limit == f32::NEG_INFINITY {
                             return;
                         }
@@ -393,8 +405,7 @@ impl<L: Lanes, S: Search> Packet<'_, L, S> {
         while rest != 0 {
             let ray = rest.trailing_zeros() as usize;
             rest &= rest - 1;
-            let t_min = self.group.t_min[ray / WIDTH].to_array()[ray % WIDTH];
-            let from = (t_min, self.group.reach);
+            let from = (self.group.t_min.as_flattened()[ray], self.group.reach);
             let search = &mut self.group.searches[ray];
             match leaf::visit::<L, S>(self.wide, leaf, from, search) {
                 ControlFlow::Break(()) => self.group.stop(ray),
@@ -407,7 +418,8 @@ impl<L: Lanes, S: Search> Packet<'_, L, S> {
     }
 }
 
-/// Whether two directions are within some 10° of each other.
+/// Whether two directions are within some 10° of each other. Most rays that go anywhere are told by
+/// this, before anything is made ready for a packet.
 #[inline(always)]
 fn are_alike(a: &Ray, b: &Ray) -> bool {
     let (a, b) = (Vec3A::from(a.direction), Vec3A::from(b.direction));
@@ -443,6 +455,7 @@ pub(super) fn traverse<L: Lanes, Q: Question>(
         limits[part][lane] = ray.t_max;
     }
     let sights = Sights::<L>::new(&origins, &directions);
+    // Not by a closure: see the head of `wide`.
     let close = match &sights {
         Some(sights) => sights.are_close(),
         None => false,
@@ -469,10 +482,6 @@ pub(super) fn traverse<L: Lanes, Q: Question>(
     if !line::is_near(reach) {
         return false;
     }
-    let mut after = [L::splat(0.0); PARTS];
-    for (after, t_min) in after.iter_mut().zip(&t_min) {
-        *after = L::load(t_min);
-    }
     let mut packet = Packet {
         wide,
         origins,
@@ -481,7 +490,7 @@ pub(super) fn traverse<L: Lanes, Q: Question>(
         sights,
         group: Group {
             searches: std::array::from_fn(|i| Q::search(&rays[i])),
-            t_min: after,
+            t_min,
             limits,
             reach,
         },

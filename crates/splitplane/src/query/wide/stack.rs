@@ -187,7 +187,7 @@ impl<P: Place> Stack<'_, P> {
         let Some(top) = self.depth.checked_sub(1) else {
             return false;
         };
-        // SAFETY: both kinds begin with two numbers, of which any bits will do.
+        // SAFETY: a stack of a search that takes hits in any order holds nothing else.
         let Rest {
             node: index,
             children,
