@@ -60,12 +60,15 @@ fn default_trees() -> impl Iterator<Item = TreeChoice> {
 
 /// Builds a tree, checks it and casts rays. `references` bounds what a triangle may be stored
 /// times over.
-fn check(name: &str, mesh: &Mesh, choice: TreeChoice, ties: Ties, rays: &[Ray], references: u64) {
-    let params = BuildParams {
-        ties,
-        ..BuildParams::default()
-    };
-    let tree = Tree::build(mesh, choice, &params).unwrap();
+fn check(
+    name: &str,
+    mesh: &Mesh,
+    choice: TreeChoice,
+    params: &BuildParams,
+    rays: &[Ray],
+    references: u64,
+) {
+    let tree = Tree::build(mesh, choice, params).unwrap();
     tree.validate()
         .unwrap_or_else(|error| panic!("{name}, {choice}: {error}"));
     let card = tree.card();
@@ -95,8 +98,17 @@ fn check(name: &str, mesh: &Mesh, choice: TreeChoice, ties: Ties, rays: &[Ray], 
 fn check_all(name: &str, mesh: &Mesh, count: usize, references: u64) {
     let rays = rays(mesh, count);
     for choice in default_trees() {
-        for ties in [Ties::Tolerant, Ties::AsPublished] {
-            check(name, mesh, choice, ties, &rays, references);
+        for (ties, clip) in [
+            (Ties::Tolerant, false),
+            (Ties::AsPublished, false),
+            (Ties::Tolerant, true),
+        ] {
+            let params = BuildParams {
+                ties,
+                clip,
+                ..BuildParams::default()
+            };
+            check(name, mesh, choice, &params, &rays, references);
         }
     }
 }
@@ -169,7 +181,7 @@ fn directions_may_have_any_length() {
         infinite += hits.filter(|hit| hit.t == f32::INFINITY).count();
         for choice in default_trees() {
             let name = format!("scale {scale:e}");
-            check(&name, &mesh, choice, Ties::Tolerant, &rays, 64);
+            check(&name, &mesh, choice, &BuildParams::default(), &rays, 64);
         }
     }
     assert!(infinite > 0);
@@ -212,7 +224,14 @@ fn ten_thousand_triangles_in_a_plane() {
     let mesh = mesh(&corners);
     let rays = rays(&mesh, 30);
     for choice in default_trees() {
-        check("in a plane", &mesh, choice, Ties::Tolerant, &rays, 64);
+        check(
+            "in a plane",
+            &mesh,
+            choice,
+            &BuildParams::default(),
+            &rays,
+            64,
+        );
     }
 }
 
@@ -264,7 +283,14 @@ fn many_tiny_triangles_and_a_huge_one() {
     let mesh = tiny_and_huge(5_000);
     let rays = rays(&mesh, 40);
     for choice in default_trees() {
-        check("tiny and huge", &mesh, choice, Ties::Tolerant, &rays, 64);
+        check(
+            "tiny and huge",
+            &mesh,
+            choice,
+            &BuildParams::default(),
+            &rays,
+            64,
+        );
     }
 }
 
@@ -276,7 +302,14 @@ fn ten_million_tiny_triangles_and_a_huge_one() {
     let rays = rays(&mesh, 8);
     for name in ["bvh", "kd"] {
         let choice = name.parse().unwrap();
-        check("ten million", &mesh, choice, Ties::Tolerant, &rays, 64);
+        check(
+            "ten million",
+            &mesh,
+            choice,
+            &BuildParams::default(),
+            &rays,
+            64,
+        );
     }
 }
 
@@ -311,7 +344,19 @@ fn a_thousand_scenes_of_random_bits() {
         }));
         let choice = choices[scene % choices.len()];
         let ties = [Ties::Tolerant, Ties::AsPublished][scene / choices.len() % 2];
-        check(&format!("garbage {scene}"), &mesh, choice, ties, &rays, 256);
+        let params = BuildParams {
+            ties,
+            clip: scene % 2 == 1,
+            ..BuildParams::default()
+        };
+        check(
+            &format!("garbage {scene}"),
+            &mesh,
+            choice,
+            &params,
+            &rays,
+            256,
+        );
     }
     // All nine numbers are small enough for a tree in about one triangle of seventeen.
     assert!(usable > 5_000, "{usable}");

@@ -191,9 +191,16 @@ fn choices() -> Vec<TreeChoice> {
         .collect()
 }
 
-fn params() -> [BuildParams; 2] {
-    [Ties::AsPublished, Ties::Tolerant].map(|ties| BuildParams {
+fn params() -> [BuildParams; 4] {
+    let ways = [
+        (Ties::AsPublished, false),
+        (Ties::Tolerant, false),
+        (Ties::AsPublished, true),
+        (Ties::Tolerant, true),
+    ];
+    ways.map(|(ties, clip)| BuildParams {
         ties,
+        clip,
         seed: 5,
         ..BuildParams::THESIS
     })

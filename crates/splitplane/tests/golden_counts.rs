@@ -22,11 +22,17 @@ fn every_tree_has_its_golden_counts() {
         })
         .collect();
     let mut table = String::new();
-    for ties in [Ties::AsPublished, Ties::Tolerant] {
+    for (ties, clip) in [
+        (Ties::AsPublished, false),
+        (Ties::Tolerant, false),
+        (Ties::Tolerant, true),
+    ] {
+        let clipped = if clip { " clipped" } else { "" };
         for spec in TREES {
             let choice = TreeChoice::new(spec.name, None).unwrap();
             let params = BuildParams {
                 ties,
+                clip,
                 ..BuildParams::THESIS
             };
             let tree = Tree::build(&mesh, choice, &params).unwrap();
@@ -34,7 +40,7 @@ fn every_tree_has_its_golden_counts() {
             let nodes = card.nodes;
             writeln!(
                 table,
-                "{ties:?} {choice}: {} kd, {} oblique, {} leaves, {} empty, {} references, depth {}, {} bad \
+                "{ties:?}{clipped} {choice}: {} kd, {} oblique, {} leaves, {} empty, {} references, depth {}, {} bad \
                  refines, {} candidates, SAH {:.3}",
                 nodes.kd,
                 nodes.oblique,

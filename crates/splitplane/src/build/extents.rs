@@ -1,5 +1,6 @@
 //! How far a node's triangles reach along a direction, several at a time.
 
+use glam::DVec3;
 use rayon::prelude::*;
 
 use super::grow::PARALLEL_FROM;
@@ -17,6 +18,8 @@ struct Block([[f32; LANES]; 9]);
 pub(super) struct Corners {
     blocks: Vec<Block>,
     count: usize,
+    /// Further corners of those that have more than three, in the order of the triangles.
+    further: Vec<(u32, [f32; 3])>,
 }
 
 /// The extents of a node's triangles along one direction.
@@ -30,6 +33,7 @@ impl Corners {
     /// Takes `count` triangles, of which the one with the index i has the corners `of(i)`.
     pub(super) fn gather(&mut self, count: usize, of: impl Fn(usize) -> [[f32; 3]; 3] + Sync) {
         self.count = count;
+        self.further.clear();
         self.blocks
             .resize(count.div_ceil(LANES), Block([[0.0; LANES]; 9]));
         let fill = |(at, block): (usize, &mut Block)| {
@@ -45,6 +49,24 @@ impl Corners {
         } else {
             self.blocks.par_iter_mut().enumerate().for_each(fill);
         }
+    }
+
+    /// Puts the corners of what is left of a triangle in its place; in the order of the triangles.
+    pub(super) fn replace(&mut self, i: usize, corners: &[DVec3]) {
+        let mut corners = corners.iter().map(|p| p.as_vec3().to_array()).peekable();
+        let Some(&(mut corner)) = corners.peek() else {
+            return;
+        };
+        let (rows, _) = self.blocks[i / LANES].0.as_chunks_mut::<3>();
+        for rows in rows {
+            // One of them again where there are fewer than three.
+            corner = corners.next().unwrap_or(corner);
+            for (row, c) in rows.iter_mut().zip(corner) {
+                row[i % LANES] = c;
+            }
+        }
+        self.further
+            .extend(corners.map(|corner| (i as u32, corner)));
     }
 
     /// The extents of all triangles along a direction; `axis` where it is one.
@@ -67,6 +89,14 @@ impl Corners {
         for (block, (mins, maxs)) in self.blocks.iter().zip(lanes) {
             (*mins, *maxs) = block.extents(ties, direction, axis);
         }
+        for &(i, corner) in &self.further {
+            let t = match axis {
+                Some(axis) => corner[axis],
+                None => ties.project(direction, corner),
+            };
+            let (min, max) = (&mut mins[i as usize], &mut maxs[i as usize]);
+            (*min, *max) = (min.min(t), max.max(t));
+        }
         mins.truncate(self.count);
         maxs.truncate(self.count);
     }
@@ -80,7 +110,21 @@ impl Corners {
         ties: Ties,
         direction: [f32; 3],
     ) -> ([f32; LANES], [f32; LANES]) {
-        self.blocks[start / LANES].extents(ties, direction, None)
+        let (mut mins, mut maxs) = self.blocks[start / LANES].extents(ties, direction, None);
+        if !self.further.is_empty() {
+            let first = (self.further).partition_point(|&(i, _)| (i as usize) < start);
+            for &(i, corner) in &self.further[first..] {
+                let Some((min, max)) = mins
+                    .get_mut(i as usize - start)
+                    .zip(maxs.get_mut(i as usize - start))
+                else {
+                    break;
+                };
+                let t = ties.project(direction, corner);
+                (*min, *max) = (min.min(t), max.max(t));
+            }
+        }
+        (mins, maxs)
     }
 }
 

@@ -6,11 +6,12 @@ use super::cell::Cell;
 use super::cost::{Choice, Contest};
 use super::extents::{Corners, Extents};
 use super::lists::{LISTS_FROM, MAX_LISTED, SortedLists};
+use super::outlines::{Knife, Outlines};
 use super::params::{BuildParams, BuildStats, Ties};
 use super::search::{Best, Search, SearchScratch, Shape};
 use super::sweep::{Events, search_extents, sweep};
 use super::ties::Boundary;
-use super::triangle_planes::{self, PlaneSearch, TrianglePlane};
+use super::triangle_planes::{self, Counter, PlaneSearch, TrianglePlane};
 use super::watch::{BuildPart, Progress, WHOLE, Watched, divide};
 use super::{framed, objects};
 use crate::catalog::{Directions, TreeChoice};
@@ -161,6 +162,8 @@ impl Built {
 /// A node to be built.
 struct Node {
     triangles: Vec<u32>,
+    /// What of them lies in the cell, where they are clipped.
+    outlines: Outlines,
     /// Where the triangles start and end, in nodes that are large enough for it.
     lists: Option<Box<SortedLists>>,
     /// `None` where the node is sure to be a leaf.
@@ -188,6 +191,8 @@ struct Scratch {
     cut: CutScratch,
     /// On which sides of a plane a triangle of the mesh is: 1 below, 2 above, 3 both.
     sides: Vec<u8>,
+    /// The same of a node's references, where they are clipped.
+    sides_in_node: Vec<u8>,
     /// The triangles below and above a plane.
     parts: [Vec<u32>; 2],
 }
@@ -225,6 +230,7 @@ struct Builder<'a> {
     max_depth: u32,
     /// The tolerance of ties; `None` as published.
     tolerance: Option<f32>,
+    overhang: f64,
     watched: Watched<'a>,
 }
 
@@ -284,6 +290,7 @@ pub(crate) fn grow(
             Ties::AsPublished => None,
             Ties::Tolerant => Some(params.ties.tolerance(&bounds)),
         },
+        overhang: params.overhang(&bounds),
         watched: watched(limit),
     };
     // Which part of a tree takes too much is not known before it is all there, and must not depend
@@ -316,7 +323,10 @@ impl Builder<'_> {
         let splits = triangles.len() > self.params.max_prims as usize && self.max_depth > 0;
         let cell = Cell::Box(self.mesh.bounds());
         let root = Node {
-            lists: (splits && triangles.len() >= LISTS_FROM).then(|| self.sorted(&triangles)),
+            outlines: Outlines::default(),
+            // What is cut starts and ends elsewhere.
+            lists: (splits && triangles.len() >= LISTS_FROM && !self.params.clip)
+                .then(|| self.sorted(&triangles)),
             area: cell.surface_area(),
             cell: splits.then_some(cell),
             depth: 0,
@@ -446,6 +456,7 @@ impl Builder<'_> {
         };
         if self.everywhere.len() + directions.len() > listed {
             corners.gather(n, |i| self.corners[node.triangles[i] as usize]);
+            (node.outlines.cut()).for_each(|(i, outline)| corners.replace(i, outline));
         }
         let swept = Swept {
             node,
@@ -493,18 +504,16 @@ impl Builder<'_> {
         }
         if let (true, Some(shape)) = (spec.triangle_planes, shape) {
             let bar = contest.bar(false, spec, params, n);
-            let ties = params.ties;
+            let counter = Counter::new(
+                n,
+                |i| self.corners[node.triangles[i] as usize],
+                &node.outlines,
+                (params.ties, self.tolerance, self.overhang),
+            );
             let search = PlaneSearch::new(
                 shape,
-                (
-                    &node.triangles,
-                    node.triangles
-                        .iter()
-                        .map(|&triangle| self.corners[triangle as usize])
-                        .collect(),
-                ),
+                (&node.triangles, counter),
                 &self.planes,
-                (ties, self.tolerance, ties.overhang(&self.mesh.bounds())),
                 (bar, params.empty_bonus),
             );
             let (found, inside) = search.run();
@@ -609,11 +618,19 @@ impl Builder<'_> {
         ))
     }
 
-    /// The triangles below and above a plane; where the node has lists, the sides of each are noted.
+    /// The triangles below and above a plane; where the node has lists, or its triangles are clipped,
+    /// the sides of each are noted.
     fn sides(&self, node: &Node, plane: &SplitPlane, scratch: &mut Scratch) -> [Vec<u32>; 2] {
         let axis = plane.axis();
         let n = node.triangles.len();
-        let Scratch { sides, parts, .. } = scratch;
+        let Scratch {
+            corners,
+            sweeps,
+            sides,
+            sides_in_node,
+            parts,
+            ..
+        } = scratch;
         parts.iter_mut().for_each(|part| {
             part.clear();
             part.reserve(n);
@@ -621,8 +638,16 @@ impl Builder<'_> {
         if node.lists.is_some() {
             sides.resize(self.corners.len(), 0);
         }
-        for &triangle in &node.triangles {
-            let extent = self.extent(axis, plane.normal, triangle);
+        let extents = &mut sweeps.extents;
+        if self.params.clip {
+            corners.extents(self.params.ties, plane.normal, axis, extents);
+            sides_in_node.clear();
+        }
+        for (i, &triangle) in node.triangles.iter().enumerate() {
+            let extent = match self.params.clip {
+                true => (extents.mins[i], extents.maxs[i]),
+                false => self.extent(axis, plane.normal, triangle),
+            };
             let (below, above) = plane.boundary.sides(extent);
             if below {
                 parts[0].push(triangle);
@@ -630,8 +655,12 @@ impl Builder<'_> {
             if above {
                 parts[1].push(triangle);
             }
+            let side = u8::from(below) | u8::from(above) << 1;
             if node.lists.is_some() {
-                sides[triangle as usize] = u8::from(below) | u8::from(above) << 1;
+                sides[triangle as usize] = side;
+            }
+            if self.params.clip {
+                sides_in_node.push(side);
             }
         }
         // As much memory as they take, whatever the node took.
@@ -658,6 +687,18 @@ impl Builder<'_> {
             }
             None => [None, None],
         };
+        let outlines = match self.params.clip {
+            true => {
+                let knife = Knife {
+                    normal: glam::Vec3::from(choice.plane.normal).as_dvec3(),
+                    offset: f64::from(choice.plane.boundary.offset),
+                    outset: 2.0 * self.overhang,
+                };
+                let whole = |i: usize| self.corners[node.triangles[i] as usize];
+                (node.outlines).divide(&knife, &scratch.sides_in_node, wanted, whole)
+            }
+            false => Default::default(),
+        };
         let cells = match wanted {
             [false, false] => [None, None],
             _ => cell
@@ -671,27 +712,44 @@ impl Builder<'_> {
         let mut paths = Random::new(node.path ^ u64::from(node.depth) << 48);
         let [below, above] = triangles;
         let [lists_below, lists_above] = lists;
+        let [outlines_below, outlines_above] = outlines;
         let [cell_below, cell_above] = cells;
         let all = (counts[0] + counts[1]).max(1) as f64;
         let shares = divide(node.share, counts[0], counts[1]);
-        let mut child = |triangles: Vec<u32>, lists, cell: Option<Cell>, wanted, area, share| {
-            let cell = cell.filter(|_| wanted);
-            Node {
-                references: node.references * triangles.len() as f64 / all,
-                area: cell.as_ref().map_or(area, Cell::surface_area),
-                triangles,
-                lists,
-                cell,
-                depth,
-                bad_refines: node.bad_refines + u8::from(choice.bad_refine),
-                path: paths.next(),
-                share,
-            }
-        };
+        let mut child =
+            |triangles: Vec<u32>, (lists, outlines), cell: Option<Cell>, wanted, area, share| {
+                let cell = cell.filter(|_| wanted);
+                Node {
+                    references: node.references * triangles.len() as f64 / all,
+                    area: cell.as_ref().map_or(area, Cell::surface_area),
+                    triangles,
+                    outlines,
+                    lists,
+                    cell,
+                    depth,
+                    bad_refines: node.bad_refines + u8::from(choice.bad_refine),
+                    path: paths.next(),
+                    share,
+                }
+            };
         let areas = (choice.areas.0 * node.area, choice.areas.1 * node.area);
         [
-            child(below, lists_below, cell_below, wanted[0], areas.0, shares.0),
-            child(above, lists_above, cell_above, wanted[1], areas.1, shares.1),
+            child(
+                below,
+                (lists_below, outlines_below),
+                cell_below,
+                wanted[0],
+                areas.0,
+                shares.0,
+            ),
+            child(
+                above,
+                (lists_above, outlines_above),
+                cell_above,
+                wanted[1],
+                areas.1,
+                shares.1,
+            ),
         ]
     }
 }
@@ -739,9 +797,15 @@ mod tests {
         let mut table = String::new();
         for spec in TREES.iter().filter(|spec| !spec.objects && !spec.frames) {
             let choice = TreeChoice::new(spec.name, None).unwrap();
-            for ties in [Ties::AsPublished, Ties::Tolerant] {
+            for (ties, clip) in [
+                (Ties::AsPublished, false),
+                (Ties::Tolerant, false),
+                (Ties::Tolerant, true),
+            ] {
+                let clipped = if clip { " clipped" } else { "" };
                 let params = BuildParams {
                     ties,
+                    clip,
                     ..BuildParams::THESIS
                 };
                 let built = work_of(&mesh, choice, &params, 1);
@@ -753,7 +817,7 @@ mod tests {
                 } = built.work;
                 writeln!(
                     table,
-                    "{choice} {ties:?}: {} candidates, {sweeps} sweeps, {events} events, {areas} areas, {moved} moved",
+                    "{choice} {ties:?}{clipped}: {} candidates, {sweeps} sweeps, {events} events, {areas} areas, {moved} moved",
                     built.stats.candidates
                 )
                 .unwrap();

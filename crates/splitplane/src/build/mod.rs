@@ -7,6 +7,7 @@ mod framed;
 mod grow;
 mod lists;
 mod objects;
+mod outlines;
 mod params;
 mod search;
 mod sweep;

@@ -19,6 +19,9 @@ pub struct BuildParams {
     pub max_depth: DepthLimit,
     /// How triangles that touch a plane are treated.
     pub ties: Ties,
+    /// Perfect splits: what counts of a triangle in a node is what of it lies in the node's cell,
+    /// not all of it \[WaldHavran2006, Soupikov2008\].
+    pub clip: bool,
     /// The most references that a tree may have, per triangle: where splits would give more, there
     /// are leaves. A subtree has its share.
     pub max_references: f64,
@@ -84,6 +87,7 @@ impl BuildParams {
             per_level: 1.6,
         },
         ties: Ties::AsPublished,
+        clip: false,
         max_references: 64.0,
         seed: 0,
     };
@@ -144,6 +148,28 @@ impl BuildParams {
         }
         Ok(())
     }
+
+    /// How far a triangle may reach beyond a plane on a side where it does not count, in a scene of
+    /// these bounds: the tolerance, and what rounding adds [Higham2002, 3.1].
+    ///
+    /// Coordinates along a unit direction are at most √3 · reach. As published they are off by
+    /// three roundings; otherwise by one, and adding the tolerance rounds once more. Corners that
+    /// triangles were cut to are rounded once themselves.
+    pub(crate) fn overhang(&self, bounds: &Aabb) -> f64 {
+        let unit = f64::from(f32::EPSILON) / 2.0;
+        let roundings = match self.ties {
+            Ties::AsPublished => 3.01,
+            Ties::Tolerant => 2.01,
+        };
+        let roundings = roundings + f64::from(u8::from(self.clip));
+        let tolerance = f64::from(self.ties.tolerance(bounds));
+        // Numbers too small to be normal are rounded by as much, whatever their size.
+        let least = f64::from(f32::from_bits(1));
+        let size = 3f64.sqrt() * f64::from(bounds.reach()) + tolerance;
+        tolerance + roundings * (unit * size + least)
+            // Nor is the rounding of the triangle test in proportion to the triangle then.
+            + 16.0 * least
+    }
 }
 
 impl Default for BuildParams {
@@ -202,26 +228,6 @@ impl Ties {
     pub(crate) fn extent(self, direction: [f32; 3], corners: &[[f32; 3]; 3]) -> (f32, f32) {
         let [a, b, c] = corners.map(|p| self.project(direction, p));
         (a.min(b).min(c), a.max(b).max(c))
-    }
-
-    /// How far a triangle may reach beyond a plane on a side where it does not count, in a scene of
-    /// these bounds: the tolerance, and what rounding adds [Higham2002, 3.1].
-    ///
-    /// Coordinates along a unit direction are at most √3 · reach. As published they are off by
-    /// three roundings; otherwise by one, and adding the tolerance rounds once more.
-    pub(crate) fn overhang(self, bounds: &Aabb) -> f64 {
-        let unit = f64::from(f32::EPSILON) / 2.0;
-        let roundings = match self {
-            Ties::AsPublished => 3.01,
-            Ties::Tolerant => 2.01,
-        };
-        let tolerance = f64::from(self.tolerance(bounds));
-        // Numbers too small to be normal are rounded by as much, whatever their size.
-        let least = f64::from(f32::from_bits(1));
-        let size = 3f64.sqrt() * f64::from(bounds.reach()) + tolerance;
-        tolerance + roundings * (unit * size + least)
-            // Nor is the rounding of the triangle test in proportion to the triangle then.
-            + 16.0 * least
     }
 }
 

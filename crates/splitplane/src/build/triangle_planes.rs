@@ -5,6 +5,7 @@ use glam::{DVec3, Vec3};
 use rayon::prelude::*;
 
 use super::extents::{Corners, LANES};
+use super::outlines::Outlines;
 use super::params::Ties;
 use super::search::{Best, Bounds, Shape, touching};
 use super::ties::{Boundary, Touching};
@@ -68,7 +69,7 @@ struct Sides {
 }
 
 /// Counts how many of a node's triangles are on either side of a plane.
-struct Counter {
+pub(crate) struct Counter {
     ties: Ties,
     tolerance: Option<f32>,
     overhang: f64,
@@ -89,17 +90,30 @@ struct BvhNode {
 }
 
 impl Counter {
-    /// `overhang` is that of the ties, or more.
-    fn new(
-        mut triangles: Vec<[[f32; 3]; 3]>,
-        ties: Ties,
-        tolerance: Option<f32>,
-        overhang: f64,
+    /// Of `count` triangles, of which `whole` gives the corners, but for those that are cut to
+    /// `outlines`. `overhang` is that of the build, or more.
+    pub(super) fn new(
+        count: usize,
+        whole: impl Fn(usize) -> [[f32; 3]; 3] + Sync,
+        outlines: &Outlines,
+        (ties, tolerance, overhang): (Ties, Option<f32>, f64),
     ) -> Self {
-        let mut nodes = Vec::with_capacity(triangles.len().div_ceil(LANES) * 2);
-        split(&mut triangles, 0, &mut nodes);
+        let mut items: Vec<_> = (0..count as u32)
+            .map(|index| Item {
+                bounds: Aabb::of_points(whole(index as usize)),
+                index,
+            })
+            .collect();
+        for (i, corners) in outlines.cut() {
+            items[i].bounds = Aabb::of_points(corners.iter().map(|p| p.as_vec3().into()));
+        }
+        let mut nodes = Vec::with_capacity(count.div_ceil(LANES) * 2);
+        split(&mut items, 0, &mut nodes);
         let mut corners = Corners::default();
-        corners.gather(triangles.len(), |i| triangles[i]);
+        corners.gather(count, |i| whole(items[i].index as usize));
+        for (i, item) in items.iter().enumerate() {
+            corners.replace(i, outlines.of(item.index as usize));
+        }
         Counter {
             ties,
             tolerance,
@@ -194,19 +208,26 @@ impl Counter {
     }
 }
 
+/// The box around a triangle, to be put into the BVH.
+#[derive(Clone, Copy)]
+struct Item {
+    bounds: Aabb,
+    index: u32,
+}
+
 /// Appends the BVH of these triangles, the first of which has the index `start`.
-fn split(corners: &mut [[[f32; 3]; 3]], start: usize, nodes: &mut Vec<BvhNode>) {
-    let bounds = Aabb::of_points(corners.iter().flatten().copied());
+fn split(items: &mut [Item], start: usize, nodes: &mut Vec<BvhNode>) {
+    let bounds = (items.iter()).fold(Aabb::EMPTY, |all, item| all.union(&item.bounds));
     let at = nodes.len();
     let [low, high] = [bounds.min, bounds.max].map(|p| Vec3::from(p).as_dvec3());
     nodes.push(BvhNode {
         center: 0.5 * (low + high),
         half: 0.5 * (high - low),
         start,
-        count: corners.len(),
+        count: items.len(),
         second: 0,
     });
-    if corners.len() > LANES {
+    if items.len() > LANES {
         let extent = bounds.extent();
         let axis = if extent[0] >= extent[1] && extent[0] >= extent[2] {
             0
@@ -215,10 +236,10 @@ fn split(corners: &mut [[[f32; 3]; 3]], start: usize, nodes: &mut Vec<BvhNode>) 
         } else {
             2
         };
-        let middle = (corners.len() / 2).next_multiple_of(LANES);
-        let center = |c: &[[f32; 3]; 3]| c[0][axis] + c[1][axis] + c[2][axis];
-        corners.select_nth_unstable_by(middle, |a, b| center(a).total_cmp(&center(b)));
-        let (first, second) = corners.split_at_mut(middle);
+        let middle = (items.len() / 2).next_multiple_of(LANES);
+        let center = |item: &Item| item.bounds.min[axis] + item.bounds.max[axis];
+        items.select_nth_unstable_by(middle, |a, b| center(a).total_cmp(&center(b)));
+        let (first, second) = items.split_at_mut(middle);
         split(first, start, nodes);
         nodes[at].second = nodes.len();
         split(second, start + middle, nodes);
@@ -277,13 +298,12 @@ impl<'a> PlaneSearch<'a> {
     /// `bar` matter.
     pub(crate) fn new(
         shape: Shape<'a>,
-        (triangles, corners): (&'a [u32], Vec<[[f32; 3]; 3]>),
+        (triangles, counter): (&'a [u32], Counter),
         planes: &'a [[TrianglePlane; 4]],
-        (ties, tolerance, overhang): (Ties, Option<f32>, f64),
         (bar, empty_bonus): (f64, f64),
     ) -> Self {
         PlaneSearch {
-            counter: Counter::new(corners, ties, tolerance, overhang),
+            counter,
             bar,
             empty_factor: 1.0 - empty_bonus,
             shape,
@@ -452,6 +472,12 @@ mod tests {
 
     type Triangle = [[f32; 3]; 3];
 
+    fn counter(corners: &[Triangle], (ties, tolerance): (Ties, Option<f32>)) -> Counter {
+        let whole = |i: usize| corners[i];
+        let none = Outlines::default();
+        Counter::new(corners.len(), whole, &none, (ties, tolerance, 1.001e-3))
+    }
+
     fn soup() -> impl Strategy<Value = Vec<Triangle>> {
         let point = || prop::array::uniform3(prop_oneof![-1.0f32..1.0, Just(0.25f32)]);
         prop::collection::vec(prop::array::uniform3(point()), 2..100)
@@ -474,7 +500,7 @@ mod tests {
                 true => (Ties::Tolerant, Some(1e-3)),
                 false => (Ties::AsPublished, None),
             };
-            let counter = Counter::new(corners.clone(), ties, tolerance, 1.001e-3);
+            let counter = counter(&corners, (ties, tolerance));
             for plane in planes(&corners[of % corners.len()], ties) {
                 if plane.offset.is_nan() {
                     continue;
@@ -508,9 +534,8 @@ mod tests {
             let empty_bonus = 0.5 * f64::from(bonus);
             let search = PlaneSearch::new(
                 shape,
-                (&triangles, corners.clone()),
+                (&triangles, counter(&corners, (ties, tolerance))),
                 &all,
-                (ties, tolerance, 1.001e-3),
                 (f64::INFINITY, empty_bonus),
             );
             let mut expected: Option<(f64, usize)> = None;

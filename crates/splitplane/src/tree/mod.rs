@@ -235,7 +235,7 @@ impl Tree {
         Place {
             bounds,
             largest: mesh.largest_triangle(),
-            overhang: params.ties.overhang(&bounds),
+            overhang: params.overhang(&bounds),
             traversal: Traversal::default(),
         }
     }

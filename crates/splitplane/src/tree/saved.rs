@@ -29,7 +29,7 @@ use crate::whole::write_whole;
 const MAGIC: [u8; 8] = *b"\x89SPT\r\n\x1a\n";
 
 /// Grows whenever what a file holds, or what that means, changes.
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 const SUM: u64 = 32;
 
@@ -442,6 +442,13 @@ fn pass_params(by: &mut impl Pass, params: &mut BuildParams) -> io::Result<()> {
     by.f64(&mut per_level)?;
     by.u32(&mut fixed)?;
     by.u32(&mut ties)?;
+    let mut clip = u32::from(params.clip);
+    by.u32(&mut clip)?;
+    params.clip = match clip {
+        0 => false,
+        1 => true,
+        _ => return Err(wrong("whether triangles are clipped")),
+    };
     by.f64(&mut params.max_references)?;
     by.u64(&mut params.seed)?;
     params.oblique_pricing = match pricing {
