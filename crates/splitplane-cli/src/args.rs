@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::{BoolishValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
 use splitplane::{Axis, Layout, ObliquePricing, ParseTreeError, Ties, Traversal, TreeChoice};
 use splitplane_lab::{Preset, Resolution, Settings, crop_named, ties_named, traversal_named};
@@ -265,9 +265,9 @@ A file of an experiment:
   [quick]                        # what --quick puts in place of the above
   repetitions = 1
 
-Axes: k, preset, ties, oblique_pricing, traversal, layout, intersection_cost, kd_traversal_cost,
-oblique_traversal_cost, alpha, empty_bonus, max_prims, seed, sample_seed, threads, spp, resolution,
-crop, max_depth.")]
+Axes: k, preset, ties, clip, oblique_up_to, oblique_pricing, traversal, layout, intersection_cost,
+kd_traversal_cost, oblique_traversal_cost, alpha, empty_bonus, max_prims, seed, sample_seed,
+threads, spp, resolution, crop, max_depth.")]
 pub struct ExperimentCommand {
     #[command(flatten)]
     pub file: ExperimentArgs,
@@ -635,6 +635,10 @@ pub struct BuildArgs {
     /// the preset says]
     #[arg(long, value_parser = ties_named)]
     ties: Option<Ties>,
+    /// Perfect splits: of a triangle, only what lies in a node's cell counts there; on or off
+    /// [default: as the preset says]
+    #[arg(long, value_name = "ON|OFF", value_parser = BoolishValueParser::new())]
+    clip: Option<bool>,
     /// How oblique nodes are priced in trees with kd nodes [default: as the preset says]
     #[arg(long, value_enum, ignore_case = true)]
     pricing: Option<Pricing>,
@@ -766,7 +770,11 @@ impl GeneralArgs {
 impl BuildArgs {
     /// Whether they say how to build, so that they cannot be meant for a tree that is built.
     pub fn say_how(&self) -> bool {
-        self.preset.is_some() || self.ties.is_some() || self.pricing.is_some() || self.seed != 0
+        self.preset.is_some()
+            || self.ties.is_some()
+            || self.clip.is_some()
+            || self.pricing.is_some()
+            || self.seed != 0
     }
 
     /// The settings that the arguments ask for, all of rendering but the threads as in the scene.
@@ -774,6 +782,7 @@ impl BuildArgs {
         let mut settings = Settings::of_preset(self.preset.unwrap_or(default));
         let params = &mut settings.params;
         params.ties = self.ties.unwrap_or(params.ties);
+        params.clip = self.clip.unwrap_or(params.clip);
         if let Some(pricing) = self.pricing {
             let (ObliquePricing::Published { alpha } | ObliquePricing::Fork { alpha }) =
                 params.oblique_pricing;

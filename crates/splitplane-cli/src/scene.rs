@@ -94,7 +94,7 @@ pub fn watched_tree(
             if args.say_how() {
                 return Err(Failure::input(format!(
                     "the tree in {} has the parameters that it was built with; leave out --preset, \
-                     --ties, --pricing and --seed",
+                     --ties, --clip, --pricing and --seed",
                     path.display()
                 )));
             }

@@ -17,15 +17,18 @@ pub enum Preset {
     Pbrt4,
     /// [`BuildParams::default`].
     Default,
+    /// [`BuildParams::FAST`].
+    Fast,
 }
 
 impl Preset {
     /// All presets.
-    pub const ALL: [Preset; 4] = [
+    pub const ALL: [Preset; 5] = [
         Preset::Thesis,
         Preset::Pbrt3,
         Preset::Pbrt4,
         Preset::Default,
+        Preset::Fast,
     ];
 
     /// Its name, what it is in a line, and its parameters.
@@ -49,8 +52,14 @@ impl Preset {
             ),
             Preset::Default => (
                 "default",
-                "the thesis's costs and depths, with tolerant ties",
+                "the thesis's costs and depths; tolerant ties, clipped, oblique planes in nodes of up \
+                 to 512 triangles",
                 BuildParams::default(),
+            ),
+            Preset::Fast => (
+                "fast",
+                "built soon: as default, with leaves of up to eight triangles",
+                BuildParams::FAST,
             ),
         }
     }
@@ -109,12 +118,13 @@ fn find<T: Copy>(
 }
 
 impl Preset {
-    /// The preset that parameters came from, ties, pricing and seed apart; the default one where
+    /// The preset that parameters came from, ties, clipping, pricing and seed apart; the default one where
     /// none is like them.
     pub(crate) fn of(params: &BuildParams) -> Preset {
         let like = |preset: &Preset| {
             let own = BuildParams {
                 ties: params.ties,
+                clip: params.clip,
                 oblique_pricing: params.oblique_pricing,
                 seed: params.seed,
                 ..preset.params()
@@ -210,6 +220,22 @@ pub struct ParamsRecord {
     pub max_depth_per_level: f64,
     /// "published" or "tolerant".
     pub ties: String,
+    /// Whether triangles are clipped to their cells.
+    #[serde(default)]
+    pub clip: bool,
+    /// In nodes of more triangles only axes are tried, in trees that try axes; none: in no node.
+    #[serde(default)]
+    pub oblique_up_to: Option<u32>,
+}
+
+impl ParamsRecord {
+    /// How triangles are treated that a plane touches or cuts, in words: "ties tolerant, clipped".
+    pub fn ways(&self) -> String {
+        match self.clip {
+            true => format!("ties {}, clipped", self.ties),
+            false => format!("ties {}", self.ties),
+        }
+    }
 }
 
 impl From<&BuildParams> for ParamsRecord {
@@ -231,6 +257,8 @@ impl From<&BuildParams> for ParamsRecord {
             max_depth_base: base,
             max_depth_per_level: per_level,
             ties: ties_name(params.ties).to_owned(),
+            clip: params.clip,
+            oblique_up_to: (params.oblique_up_to < u32::MAX).then_some(params.oblique_up_to),
         }
     }
 }
@@ -244,7 +272,10 @@ mod tests {
         assert_eq!("Thesis".parse(), Ok(Preset::Thesis));
         assert_eq!(ties_named("TOLERANT"), Ok(Ties::Tolerant));
         let error = "slow".parse::<Preset>().unwrap_err().to_string();
-        assert!(error.contains("thesis, pbrt3, pbrt4, default"), "{error}");
+        assert!(
+            error.contains("thesis, pbrt3, pbrt4, default, fast"),
+            "{error}"
+        );
         assert_eq!(traversal_named("Exact"), Ok(Traversal::Exact));
         assert!(traversal_named("loose").is_err());
         let error = ties_named("fuzzy").unwrap_err().to_string();

@@ -201,6 +201,7 @@ fn params() -> [BuildParams; 4] {
     ways.map(|(ties, clip)| BuildParams {
         ties,
         clip,
+        oblique_up_to: if clip { 100 } else { u32::MAX },
         seed: 5,
         ..BuildParams::THESIS
     })

@@ -125,11 +125,11 @@ fn table(cards: &[CardRecord], peaks: &[Option<u64>], command: &BuildCommand) ->
     };
     let card = &cards[0];
     format!(
-        "{table}\n\n{}, {}: {} parameters, ties {}, seed {}, {}, {}",
+        "{table}\n\n{}, {}: {} parameters, {}, seed {}, {}, {}",
         card.scene,
         count(card.triangles, "triangle"),
         card.preset,
-        card.build_params.ties,
+        card.build_params.ways(),
         card.seed,
         count(card.threads as u64, "thread"),
         match command.repeat {
@@ -222,9 +222,9 @@ fn text(card: &CardRecord) -> String {
         by_leaf_size(card)
     );
     text.push_str(&format!(
-        "\n\n{} parameters, ties {}, seed {}, {}\n",
+        "\n\n{} parameters, {}, seed {}, {}\n",
         card.preset,
-        card.build_params.ties,
+        card.build_params.ways(),
         card.seed,
         count(card.threads as u64, "thread"),
     ));

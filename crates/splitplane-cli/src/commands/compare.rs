@@ -108,7 +108,7 @@ fn conditions(record: &Record, repeat: u32) -> String {
     };
     format!(
         "{}: {}, {} x {} pixels{crop}, {} per pixel{depth}\n\
-         {} parameters, ties {}, traversal {}, seed {}, {}, {}\n\
+         {} parameters, {}, traversal {}, seed {}, {}, {}\n\
          {layouts}\n\
          rays: {} camera, {} bounce, {} shadow",
         record.scene,
@@ -117,7 +117,7 @@ fn conditions(record: &Record, repeat: u32) -> String {
         record.height,
         count(record.spp.into(), "sample"),
         record.preset,
-        record.build_params.ties,
+        record.build_params.ways(),
         record.traversal,
         record.seed,
         count(record.threads as u64, "thread"),

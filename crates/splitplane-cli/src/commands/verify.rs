@@ -2,7 +2,7 @@
 
 use splitplane::{TREES, TreeChoice, TreeSpec};
 use splitplane_lab::verify::{LeakTable, probe_sets, probe_sets_of, verify};
-use splitplane_lab::{Preset, ties_name, traversal_name};
+use splitplane_lab::{ParamsRecord, Preset, traversal_name};
 
 use crate::args::VerifyCommand;
 use crate::failure::Failure;
@@ -40,9 +40,9 @@ pub fn run(command: &VerifyCommand) -> Result<(), Failure> {
         })
         .collect();
     let conditions = format!(
-        "{} of each set; ties {}, {} traversal, seed {}.",
+        "{} of each set; {}, {} traversal, seed {}.",
         count(table.rays, "ray"),
-        ties_name(settings.params.ties),
+        ParamsRecord::from(&settings.params).ways(),
         traversal_name(settings.traversal),
         settings.params.seed,
     );

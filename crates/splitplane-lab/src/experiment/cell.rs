@@ -21,6 +21,12 @@ pub struct Conditions {
     /// How triangles that touch a plane are treated: "published" or "tolerant".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub ties: Option<String>,
+    /// Whether triangles are clipped to their cells.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clip: Option<bool>,
+    /// In nodes of more triangles only axes are tried, in trees that try axes.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub oblique_up_to: Option<u32>,
     /// How oblique nodes are priced: "published" or "fork".
     #[serde(skip_serializing_if = "Option::is_none")]
     pub oblique_pricing: Option<String>,
@@ -107,6 +113,8 @@ impl Conditions {
         if let Some(ties) = &self.ties {
             params.ties = ties_named(ties).map_err(text)?;
         }
+        params.clip = self.clip.unwrap_or(params.clip);
+        params.oblique_up_to = self.oblique_up_to.unwrap_or(params.oblique_up_to);
         let (ObliquePricing::Published { alpha } | ObliquePricing::Fork { alpha }) =
             params.oblique_pricing;
         let alpha = self.alpha.unwrap_or(alpha);

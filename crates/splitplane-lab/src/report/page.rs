@@ -225,8 +225,8 @@ fn conditions(group: &Group) -> Markup {
             ", " (count(record.spp.into(), "sample")) " each, " (record.integrator)
             @if let Some(depth) = depth { (depth) }
             "; " (grouped(record.rays.camera)) " camera, " (grouped(record.rays.bounce)) " bounce and "
-            (grouped(record.rays.shadow)) " shadow rays. Parameters: " (record.preset) ", ties "
-            (record.build_params.ties) ", traversal " (record.traversal) ", seed " (record.seed) ". "
+            (grouped(record.rays.shadow)) " shadow rays. Parameters: " (record.preset) ", "
+            (record.build_params.ways()) ", traversal " (record.traversal) ", seed " (record.seed) ". "
             @if group.timed && record.layout != record.counts_layout {
                 "Rendered for time in the " (record.layout) " layout, counted in the "
                 (record.counts_layout) " one. "

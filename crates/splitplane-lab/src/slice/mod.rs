@@ -11,7 +11,7 @@ use splitplane::{Axis, Section};
 use splitplane_render::scene::Scene;
 
 use crate::numbers::{grouped, measured};
-use crate::{Built, LabError, Settings, ties_name, write_whole};
+use crate::{Built, LabError, ParamsRecord, Settings, write_whole};
 use frame::Frame;
 use svg::{Entry, Layer, Mark, Picture, Shape, Style};
 
@@ -149,10 +149,10 @@ impl Slice {
             title: format!("{}, {}", scene.name, built.tree.choice()),
             subtitle,
             description: format!(
-                "Splitplane {}: {} parameters, ties {}, seed {}",
+                "Splitplane {}: {} parameters, {}, seed {}",
                 env!("CARGO_PKG_VERSION"),
                 settings.preset,
-                ties_name(settings.params.ties),
+                ParamsRecord::from(&settings.params).ways(),
                 settings.params.seed
             ),
             legend,

@@ -191,8 +191,9 @@ struct Scratch {
     cut: CutScratch,
     /// On which sides of a plane a triangle of the mesh is: 1 below, 2 above, 3 both.
     sides: Vec<u8>,
-    /// The same of a node's references, where they are clipped.
+    /// The same of a node's references, where they are clipped, and their outlines on either side.
     sides_in_node: Vec<u8>,
+    outlines: [Outlines; 2],
     /// The triangles below and above a plane.
     parts: [Vec<u32>; 2],
 }
@@ -425,6 +426,7 @@ impl Builder<'_> {
     ) -> (Contest<SplitPlane>, u64, Work) {
         let (spec, params) = (self.choice.spec, self.params);
         let n = node.triangles.len();
+        let oblique = !spec.axes || n <= params.oblique_up_to as usize;
         let mut contest = Contest::new();
         let (mut candidates, mut work) = (0, Work::default());
         let Scratch {
@@ -436,7 +438,7 @@ impl Builder<'_> {
         } = scratch;
         let polytope = match cell {
             Cell::Polytope(polytope) => Some(polytope),
-            Cell::Box(_) if spec.only_axes() => None,
+            Cell::Box(_) if spec.only_axes() || !oblique => None,
             Cell::Box(aabb) => {
                 of_box.set_box(aabb);
                 Some(&*of_box)
@@ -449,7 +451,9 @@ impl Builder<'_> {
             triangles: &node.triangles,
             random: Random::new(node.path),
         };
-        directions::generate(self.choice, view, directions);
+        if oblique {
+            directions::generate(self.choice, view, directions);
+        }
         let listed = match &node.lists {
             Some(_) => self.everywhere.len().min(MAX_LISTED),
             None => 0,
@@ -471,6 +475,9 @@ impl Builder<'_> {
         let all = self.everywhere.iter().copied().chain(own).enumerate();
         // Axes first, since they may compete with other planes at another price.
         for are_axes in [true, false] {
+            if !are_axes && !oblique {
+                break;
+            }
             let bar = contest.bar(are_axes, spec, params, n);
             let group = all
                 .clone()
@@ -502,7 +509,7 @@ impl Builder<'_> {
                     .for_each(|(plane, best)| contest.enter(plane, are_axes, best));
             }
         }
-        if let (true, Some(shape)) = (spec.triangle_planes, shape) {
+        if let (true, Some(shape)) = (spec.triangle_planes && oblique, shape) {
             let bar = contest.bar(false, spec, params, n);
             let counter = Counter::new(
                 n,
@@ -695,7 +702,8 @@ impl Builder<'_> {
                     outset: 2.0 * self.overhang,
                 };
                 let whole = |i: usize| self.corners[node.triangles[i] as usize];
-                (node.outlines).divide(&knife, &scratch.sides_in_node, wanted, whole)
+                let (sides, buffers) = (&scratch.sides_in_node, &mut scratch.outlines);
+                (node.outlines).divide(&knife, sides, wanted, whole, buffers)
             }
             false => Default::default(),
         };
@@ -824,6 +832,27 @@ mod tests {
             }
         }
         insta::assert_snapshot!(table);
+    }
+
+    #[test]
+    fn without_oblique_planes_a_tree_is_a_kd_tree() {
+        let mesh = sheet(12);
+        for clip in [false, true] {
+            let params = BuildParams {
+                clip,
+                oblique_up_to: 0,
+                ..BuildParams::default()
+            };
+            let built = |name: &str| work_of(&mesh, name.parse().unwrap(), &params, 1);
+            let kd = built("kd");
+            for name in ["wn+kd:5", "cn+kd:5", "rbsp-kd:9", "ize-kd"] {
+                let other = built(name);
+                assert!(
+                    other.nodes == kd.nodes && other.references == kd.references,
+                    "{name}"
+                );
+            }
+        }
     }
 
     /// Large enough that directions are shared among threads.

@@ -11,6 +11,9 @@ pub(super) const FEW: usize = 16;
 /// Bins along a direction, for bounds.
 const BINS: usize = 32;
 
+/// If planes may matter in more bins than this, the most promising one is looked at first.
+const WORTH_A_LOOK: usize = 4;
+
 /// Whether a plane passes through the inside of a cell, of which this is the extent.
 #[inline(always)]
 fn is_inside((low, high): (f64, f64), t: f32) -> bool {
@@ -81,9 +84,28 @@ pub(super) fn search_extents(
         9..=FEW => return compare::<FEW>(extents, tolerance, search),
         _ => {}
     }
-    if let Some(bins) = Bins::that_matter(extents, tolerance, search) {
-        let lists = events.sort_between(extents, tolerance, &bins);
-        sweep(&lists, tolerance, search);
+    if let Some(histogram) = Histogram::of(extents, tolerance, search) {
+        let mut bins = histogram.that_matter(search);
+        // The most promising bin alone may leave little of the others.
+        let many = |bins: &Bins| search.learns_at_once() && bins.last - bins.first > WORTH_A_LOOK;
+        if let Some(wide) = bins.filter(many) {
+            let narrow = Bins {
+                first: wide.promising,
+                last: wide.promising,
+                ..wide
+            };
+            sweep(
+                &events.sort_between(extents, tolerance, &narrow),
+                tolerance,
+                search,
+            );
+            search.probe();
+            bins = histogram.that_matter(search);
+        }
+        if let Some(bins) = bins {
+            let lists = events.sort_between(extents, tolerance, &bins);
+            sweep(&lists, tolerance, search);
+        }
     }
     count_inside(extents, tolerance, search)
 }
@@ -111,24 +133,35 @@ struct Bins {
     per_width: f64,
     first: usize,
     last: usize,
+    /// The one with the least bound.
+    promising: usize,
 }
 
-impl Bins {
-    /// From the first to the last bin that a plane may matter in, by bounds; `None` if there is
-    /// none. In a bin, at least those triangles are below that end of before it starts, and those
-    /// above that begin after it ends.
-    fn that_matter(extents: &Extents, tolerance: Option<f32>, search: &mut Search) -> Option<Bins> {
+/// How many triangles start and end in each bin.
+struct Histogram {
+    /// All bins.
+    bins: Bins,
+    width: f64,
+    starts: [u32; BINS],
+    ends: [u32; BINS],
+    count: usize,
+}
+
+impl Histogram {
+    /// `None` where no plane passes through the inside.
+    fn of(extents: &Extents, tolerance: Option<f32>, search: &mut Search) -> Option<Self> {
         let (low, high) = search.inside();
         if low.partial_cmp(&high) != Some(std::cmp::Ordering::Less) {
             return None;
         }
         search.find_end_faces();
         let width = (high - low) / BINS as f64;
-        let mut bins = Bins {
+        let bins = Bins {
             low,
             per_width: 1.0 / width,
-            first: BINS,
-            last: 0,
+            first: 0,
+            last: BINS - 1,
+            promising: 0,
         };
         let tolerance = tolerance.unwrap_or(0.0);
         let (mut starts, mut ends) = ([0u32; BINS], [0u32; BINS]);
@@ -138,20 +171,47 @@ impl Bins {
             starts[bins.of(min + tolerance)] += 1;
             ends[bins.of(max - tolerance)] += 1;
         }
-        let (mut below, mut above) = (0, extents.mins.len());
-        for i in 0..BINS {
-            above -= ends[i] as usize;
-            // What rounds into a neighbouring bin is in its bounds too.
-            let from = low + (i as f64 - 1e-6) * width;
-            if search.may_matter(from, from + (1.0 + 2e-6) * width, below, above) {
-                bins.first = bins.first.min(i);
-                bins.last = i;
-            }
-            below += starts[i] as usize;
-        }
-        (bins.first < BINS).then_some(bins)
+        Some(Histogram {
+            bins,
+            width,
+            starts,
+            ends,
+            count: extents.mins.len(),
+        })
     }
 
+    /// From the first to the last bin that a plane may matter in, by bounds; `None` if there is
+    /// none. In a bin, at least those triangles are below that end of before it starts, and those
+    /// above that begin after it ends.
+    fn that_matter(&self, search: &Search) -> Option<Bins> {
+        let (mut first, mut last, mut promising) = (BINS, 0, 0);
+        let mut least = f64::INFINITY;
+        let (mut below, mut above) = (0, self.count);
+        for i in 0..BINS {
+            above -= self.ends[i] as usize;
+            // What rounds into a neighbouring bin is in its bounds too.
+            let from = self.bins.low + (i as f64 - 1e-6) * self.width;
+            let to = from + (1.0 + 2e-6) * self.width;
+            let bound = search.bound_between(from, to, below, above);
+            if bound < search.bar() {
+                first = first.min(i);
+                last = i;
+            }
+            if bound < least {
+                (promising, least) = (i, bound);
+            }
+            below += self.starts[i] as usize;
+        }
+        (first < BINS).then_some(Bins {
+            first,
+            last,
+            promising,
+            ..self.bins
+        })
+    }
+}
+
+impl Bins {
     /// The bin of an offset; those out of the cell are in the first or in the last one.
     #[inline(always)]
     fn of(&self, t: f32) -> usize {

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 /// The most corners; beyond, cuts are left out, which leaves a larger polygon.
-const MAX_CORNERS: usize = 24;
+pub(crate) const MAX_CORNERS: usize = 24;
 
 /// A convex polygon of a few corners.
 #[derive(Clone, Copy)]
@@ -43,22 +43,10 @@ impl Polygon {
         }
         let whole = *self;
         self.count = 0;
-        let mut add = |p: DVec3| {
+        part(whole.corners(), height, |p| {
             self.corners[self.count] = p;
             self.count += 1;
-        };
-        let mut p = whole.corners[whole.count - 1];
-        let mut h = height(p);
-        for &q in whole.corners() {
-            let k = height(q);
-            if (h <= 0.0) != (k <= 0.0) {
-                add(p + (q - p) * (h / (h - k)));
-            }
-            if k <= 0.0 {
-                add(q);
-            }
-            (p, h) = (q, k);
-        }
+        });
     }
 
     /// The smallest and the largest coordinates; `None` where nothing is left.
@@ -66,5 +54,23 @@ impl Polygon {
         let min = self.corners().iter().copied().reduce(DVec3::min)?;
         let max = self.corners().iter().copied().reduce(DVec3::max)?;
         Some((min, max))
+    }
+}
+
+/// Gives `add` the corners of the part of a convex polygon where `height`, which must be affine, is
+/// not positive.
+#[inline(always)]
+pub(crate) fn part(corners: &[DVec3], height: impl Fn(DVec3) -> f64, mut add: impl FnMut(DVec3)) {
+    let Some(&last) = corners.last() else { return };
+    let (mut p, mut h) = (last, height(last));
+    for &q in corners {
+        let k = height(q);
+        if (h <= 0.0) != (k <= 0.0) {
+            add(p + (q - p) * (h / (h - k)));
+        }
+        if k <= 0.0 {
+            add(q);
+        }
+        (p, h) = (q, k);
     }
 }

@@ -449,6 +449,7 @@ fn pass_params(by: &mut impl Pass, params: &mut BuildParams) -> io::Result<()> {
         1 => true,
         _ => return Err(wrong("whether triangles are clipped")),
     };
+    by.u32(&mut params.oblique_up_to)?;
     by.f64(&mut params.max_references)?;
     by.u64(&mut params.seed)?;
     params.oblique_pricing = match pricing {
