@@ -32,7 +32,7 @@ fn a_slice_shows_planes_triangles_and_a_legend_for_every_tree() {
         );
         assert!(svg.contains(&format!("<title>hills, {}", spec.name)));
         assert!(svg.contains("cut across y at 0.5") && svg.contains("down to the leaves"));
-        assert!(svg.contains("ties tolerant, seed 0"));
+        assert!(svg.contains("ties tolerant, clipped, seed 0"));
         let only_axes = spec.directions == Directions::None && !spec.triangle_planes;
         assert_eq!(
             svg.contains("oblique planes (0)"),
