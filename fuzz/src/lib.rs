@@ -297,6 +297,7 @@ pub fn build_and_cast(bytes: &[u8]) {
         } else {
             Ties::AsPublished
         },
+        clip: options & 16 == 0,
         seed: u64::from(options >> 4),
         ..BuildParams::default()
     };

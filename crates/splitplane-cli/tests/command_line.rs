@@ -86,6 +86,7 @@ fn bad_input_ends_with_exit_code_2_and_says_what_would_be_accepted() {
         (render, &["--traversal", "loose"], &["exact", "published"]),
         (render, &["--subdivide", "17"], &["0..=16"]),
         (render, &["--ties", "fuzzy"], &["published", "tolerant"]),
+        (render, &["--clip", "maybe"], &["maybe", "--clip"]),
         (render, &["--pricing", "free"], &["published", "fork"]),
         (render, &["--seed", "-1"], &["--seed"]),
         (render, &["--max-depth", "-1"], &["0..=10000"]),

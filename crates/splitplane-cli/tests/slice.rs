@@ -79,6 +79,7 @@ fn the_same_slice_is_the_same_file_and_depth_zoom_and_width_change_it() {
     assert_ne!(draw(&["--at", "0.4"]), whole);
     assert_ne!(draw(&["--seed", "1"]), whole);
     assert!(draw(&["--ties", "published"]).contains("ties published"));
+    assert!(draw(&["--clip", "off"]).contains("ties tolerant, seed 0"));
 }
 
 #[test]

@@ -101,7 +101,13 @@ pub use whole::write_whole;
 
 #[cfg(test)]
 mod testing {
+    use proptest::prelude::*;
     use proptest::test_runner::{Config, RngSeed};
+
+    /// A point somewhere, or on a grid: so that corners and planes often coincide.
+    pub(crate) fn point() -> impl Strategy<Value = [f32; 3]> {
+        prop::array::uniform3(prop_oneof![-1.0f32..1.0, (-2i8..=2).prop_map(f32::from)])
+    }
 
     /// That many cases, the same in every run: a failure in CI is one that everybody sees. With
     /// `SPLITPLANE_SOAK=N` so many times as many, and others in every run.

@@ -95,6 +95,13 @@ fn check(
     }
 }
 
+fn clipped_and_not() -> [BuildParams; 2] {
+    [true, false].map(|clip| BuildParams {
+        clip,
+        ..BuildParams::default()
+    })
+}
+
 fn check_all(name: &str, mesh: &Mesh, count: usize, references: u64) {
     let rays = rays(mesh, count);
     for choice in default_trees() {
@@ -181,7 +188,9 @@ fn directions_may_have_any_length() {
         infinite += hits.filter(|hit| hit.t == f32::INFINITY).count();
         for choice in default_trees() {
             let name = format!("scale {scale:e}");
-            check(&name, &mesh, choice, &BuildParams::default(), &rays, 64);
+            for params in clipped_and_not() {
+                check(&name, &mesh, choice, &params, &rays, 64);
+            }
         }
     }
     assert!(infinite > 0);
@@ -224,14 +233,9 @@ fn ten_thousand_triangles_in_a_plane() {
     let mesh = mesh(&corners);
     let rays = rays(&mesh, 30);
     for choice in default_trees() {
-        check(
-            "in a plane",
-            &mesh,
-            choice,
-            &BuildParams::default(),
-            &rays,
-            64,
-        );
+        for params in clipped_and_not() {
+            check("in a plane", &mesh, choice, &params, &rays, 64);
+        }
     }
 }
 
@@ -283,14 +287,9 @@ fn many_tiny_triangles_and_a_huge_one() {
     let mesh = tiny_and_huge(5_000);
     let rays = rays(&mesh, 40);
     for choice in default_trees() {
-        check(
-            "tiny and huge",
-            &mesh,
-            choice,
-            &BuildParams::default(),
-            &rays,
-            64,
-        );
+        for params in clipped_and_not() {
+            check("tiny and huge", &mesh, choice, &params, &rays, 64);
+        }
     }
 }
 
@@ -302,14 +301,9 @@ fn ten_million_tiny_triangles_and_a_huge_one() {
     let rays = rays(&mesh, 8);
     for name in ["bvh", "kd"] {
         let choice = name.parse().unwrap();
-        check(
-            "ten million",
-            &mesh,
-            choice,
-            &BuildParams::default(),
-            &rays,
-            64,
-        );
+        for params in clipped_and_not() {
+            check("ten million", &mesh, choice, &params, &rays, 64);
+        }
     }
 }
 

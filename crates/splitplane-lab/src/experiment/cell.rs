@@ -341,9 +341,12 @@ mod tests {
         let settings = Conditions {
             resolution: Some(Size::Width(20)),
             alpha: Some(0.2),
+            clip: Some(true),
+            oblique_up_to: Some(9),
             ..Conditions::default()
         };
         let settings = settings.settings((100, 50)).unwrap();
+        assert!(settings.params.clip && settings.params.oblique_up_to == 9);
         assert_eq!(settings.render.resolution, Some((20, 10)));
         assert_eq!(settings.render.threads, 1);
         let priced = ObliquePricing::Published { alpha: 0.2 };

@@ -89,14 +89,11 @@ impl Corners {
         for (block, (mins, maxs)) in self.blocks.iter().zip(lanes) {
             (*mins, *maxs) = block.extents(ties, direction, axis);
         }
-        for &(i, corner) in &self.further {
-            let t = match axis {
-                Some(axis) => corner[axis],
-                None => ties.project(direction, corner),
-            };
-            let (min, max) = (&mut mins[i as usize], &mut maxs[i as usize]);
-            (*min, *max) = (min.min(t), max.max(t));
-        }
+        let project = |corner: [f32; 3]| match axis {
+            Some(axis) => corner[axis],
+            None => ties.project(direction, corner),
+        };
+        widen(0, &self.further, project, mins, maxs);
         mins.truncate(self.count);
         maxs.truncate(self.count);
     }
@@ -111,20 +108,27 @@ impl Corners {
         direction: [f32; 3],
     ) -> ([f32; LANES], [f32; LANES]) {
         let (mut mins, mut maxs) = self.blocks[start / LANES].extents(ties, direction, None);
-        if !self.further.is_empty() {
-            let first = (self.further).partition_point(|&(i, _)| (i as usize) < start);
-            for &(i, corner) in &self.further[first..] {
-                let Some((min, max)) = mins
-                    .get_mut(i as usize - start)
-                    .zip(maxs.get_mut(i as usize - start))
-                else {
-                    break;
-                };
-                let t = ties.project(direction, corner);
-                (*min, *max) = (min.min(t), max.max(t));
-            }
-        }
+        let before = |end: usize| (self.further).partition_point(|&(i, _)| (i as usize) < end);
+        let further = &self.further[before(start)..before(start + LANES)];
+        let project = |corner| ties.project(direction, corner);
+        widen(start, further, project, &mut mins, &mut maxs);
         (mins, maxs)
+    }
+}
+
+/// Widens extents, the first of which is that of the triangle with the index `start`, by further
+/// corners.
+#[inline(always)]
+fn widen(
+    start: usize,
+    further: &[(u32, [f32; 3])],
+    project: impl Fn([f32; 3]) -> f32,
+    mins: &mut [f32],
+    maxs: &mut [f32],
+) {
+    for &(i, corner) in further {
+        let (i, t) = (i as usize - start, project(corner));
+        (mins[i], maxs[i]) = (mins[i].min(t), maxs[i].max(t));
     }
 }
 

@@ -231,6 +231,7 @@ struct Builder<'a> {
     max_depth: u32,
     /// The tolerance of ties; `None` as published.
     tolerance: Option<f32>,
+    /// How far a triangle may reach beyond a plane on a side where it is not referenced.
     overhang: f64,
     watched: Watched<'a>,
 }
@@ -417,6 +418,11 @@ impl Builder<'_> {
         }
     }
 
+    /// The corners of a node's triangles, by their place in the node, all that they are.
+    fn whole(&self, node: &Node) -> impl Fn(usize) -> [[f32; 3]; 3] + Sync {
+        |i| self.corners[node.triangles[i] as usize]
+    }
+
     /// All candidates of a node.
     fn contest(
         &self,
@@ -459,7 +465,7 @@ impl Builder<'_> {
             None => 0,
         };
         if self.everywhere.len() + directions.len() > listed {
-            corners.gather(n, |i| self.corners[node.triangles[i] as usize]);
+            corners.gather(n, self.whole(node));
             (node.outlines.cut()).for_each(|(i, outline)| corners.replace(i, outline));
         }
         let swept = Swept {
@@ -513,7 +519,7 @@ impl Builder<'_> {
             let bar = contest.bar(false, spec, params, n);
             let counter = Counter::new(
                 n,
-                |i| self.corners[node.triangles[i] as usize],
+                self.whole(node),
                 &node.outlines,
                 (params.ties, self.tolerance, self.overhang),
             );
@@ -680,34 +686,33 @@ impl Builder<'_> {
         node: &mut Node,
         cell: Cell,
         choice: &Choice<SplitPlane>,
-        triangles: [Vec<u32>; 2],
+        mut triangles: [Vec<u32>; 2],
         (stats, scratch): (&mut BuildStats, &mut Scratch),
     ) -> [Node; 2] {
         let depth = node.depth + 1;
         let counts = [triangles[0].len(), triangles[1].len()];
         // Others are leaves, of which only the area is of use.
         let wanted = counts.map(|n| n > self.params.max_prims as usize && depth < self.max_depth);
-        let lists = match node.lists.take() {
+        let mut lists = match node.lists.take() {
             Some(lists) => {
                 let listed = [0, 1].map(|i| wanted[i] && counts[i] >= LISTS_FROM);
                 lists.divide(&scratch.sides, listed)
             }
             None => [None, None],
         };
-        let outlines = match self.params.clip {
+        let mut outlines = match self.params.clip {
             true => {
                 let knife = Knife {
                     normal: glam::Vec3::from(choice.plane.normal).as_dvec3(),
                     offset: f64::from(choice.plane.boundary.offset),
                     outset: 2.0 * self.overhang,
                 };
-                let whole = |i: usize| self.corners[node.triangles[i] as usize];
                 let (sides, buffers) = (&scratch.sides_in_node, &mut scratch.outlines);
-                (node.outlines).divide(&knife, sides, wanted, whole, buffers)
+                (node.outlines).divide(&knife, sides, wanted, self.whole(node), buffers)
             }
             false => Default::default(),
         };
-        let cells = match wanted {
+        let mut cells = match wanted {
             [false, false] => [None, None],
             _ => cell
                 .cut(&choice.plane, wanted, &mut scratch.cut)
@@ -718,47 +723,25 @@ impl Builder<'_> {
         };
         self.recycle(cell, scratch);
         let mut paths = Random::new(node.path ^ u64::from(node.depth) << 48);
-        let [below, above] = triangles;
-        let [lists_below, lists_above] = lists;
-        let [outlines_below, outlines_above] = outlines;
-        let [cell_below, cell_above] = cells;
         let all = (counts[0] + counts[1]).max(1) as f64;
-        let shares = divide(node.share, counts[0], counts[1]);
-        let mut child =
-            |triangles: Vec<u32>, (lists, outlines), cell: Option<Cell>, wanted, area, share| {
-                let cell = cell.filter(|_| wanted);
-                Node {
-                    references: node.references * triangles.len() as f64 / all,
-                    area: cell.as_ref().map_or(area, Cell::surface_area),
-                    triangles,
-                    outlines,
-                    lists,
-                    cell,
-                    depth,
-                    bad_refines: node.bad_refines + u8::from(choice.bad_refine),
-                    path: paths.next(),
-                    share,
-                }
-            };
-        let areas = (choice.areas.0 * node.area, choice.areas.1 * node.area);
-        [
-            child(
-                below,
-                (lists_below, outlines_below),
-                cell_below,
-                wanted[0],
-                areas.0,
-                shares.0,
-            ),
-            child(
-                above,
-                (lists_above, outlines_above),
-                cell_above,
-                wanted[1],
-                areas.1,
-                shares.1,
-            ),
-        ]
+        let areas = <[f64; 2]>::from(choice.areas).map(|area| area * node.area);
+        let shares = <[u64; 2]>::from(divide(node.share, counts[0], counts[1]));
+        let mut child = |i: usize| {
+            let cell = cells[i].take().filter(|_| wanted[i]);
+            Node {
+                references: node.references * counts[i] as f64 / all,
+                area: cell.as_ref().map_or(areas[i], Cell::surface_area),
+                triangles: std::mem::take(&mut triangles[i]),
+                outlines: std::mem::take(&mut outlines[i]),
+                lists: lists[i].take(),
+                cell,
+                depth,
+                bad_refines: node.bad_refines + u8::from(choice.bad_refine),
+                path: paths.next(),
+                share: shares[i],
+            }
+        };
+        [child(0), child(1)]
     }
 }
 

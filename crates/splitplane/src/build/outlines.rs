@@ -107,11 +107,8 @@ impl Outlines {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::point;
     use proptest::prelude::*;
-
-    fn point() -> impl Strategy<Value = [f32; 3]> {
-        prop::array::uniform3(prop_oneof![-1.0f32..1.0, (-2i8..=2).prop_map(f32::from)])
-    }
 
     proptest! {
         #![proptest_config(crate::testing::cases(1_000))]

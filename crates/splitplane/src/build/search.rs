@@ -263,6 +263,7 @@ impl<'a> Search<'a> {
 
     /// Not more than the expected tests of any plane between `from` and `to` that leaves at least
     /// so many triangles on either side.
+    #[inline(always)]
     pub(super) fn bound_between(&self, from: f64, to: f64, below: usize, above: usize) -> f64 {
         let sight = &self.sights[self.count - 1];
         let (fewest_below, fewest_above) = (below as f64, above as f64);
@@ -319,13 +320,7 @@ impl<'a> Search<'a> {
     #[inline(always)]
     fn bound(&self, plane: &Plane) -> f64 {
         let at = f64::from(plane.t);
-        let (below, above) = (f64::from(plane.below), f64::from(plane.above));
-        let bounds = &self.sights[self.count - 1].bounds;
-        let bound = bounds.expected_tests(at, at, below, above);
-        match plane.below == 0 || plane.above == 0 {
-            true => bound * self.empty_factor,
-            false => bound,
-        }
+        self.bound_between(at, at, plane.below as usize, plane.above as usize)
     }
 
     #[inline(always)]

@@ -84,30 +84,37 @@ pub(super) fn search_extents(
         9..=FEW => return compare::<FEW>(extents, tolerance, search),
         _ => {}
     }
-    if let Some(histogram) = Histogram::of(extents, tolerance, search) {
-        let mut bins = histogram.that_matter(search);
+    search_bins(extents, tolerance, events, search);
+    count_inside(extents, tolerance, search)
+}
+
+/// Considers all planes through events that may matter.
+fn search_bins(
+    extents: &Extents,
+    tolerance: Option<f32>,
+    events: &mut Events,
+    search: &mut Search,
+) {
+    let Some(histogram) = Histogram::of(extents, tolerance, search) else {
+        return;
+    };
+    let mut look = |bins: Bins, search: &mut Search| {
+        let lists = events.sort_between(extents, tolerance, &bins);
+        sweep(&lists, tolerance, search);
+    };
+    let Some((mut bins, promising)) = histogram.that_matter(search) else {
+        return;
+    };
+    if search.learns_at_once() && bins.last - bins.first > WORTH_A_LOOK {
         // The most promising bin alone may leave little of the others.
-        let many = |bins: &Bins| search.learns_at_once() && bins.last - bins.first > WORTH_A_LOOK;
-        if let Some(wide) = bins.filter(many) {
-            let narrow = Bins {
-                first: wide.promising,
-                last: wide.promising,
-                ..wide
-            };
-            sweep(
-                &events.sort_between(extents, tolerance, &narrow),
-                tolerance,
-                search,
-            );
-            search.probe();
-            bins = histogram.that_matter(search);
-        }
-        if let Some(bins) = bins {
-            let lists = events.sort_between(extents, tolerance, &bins);
-            sweep(&lists, tolerance, search);
+        look(bins.only(promising), search);
+        search.probe();
+        match histogram.that_matter(search) {
+            Some((left, _)) => bins = left,
+            None => return,
         }
     }
-    count_inside(extents, tolerance, search)
+    look(bins, search);
 }
 
 /// Whether an event lies inside the cell that is a candidate; where ties are tolerated, the start
@@ -133,8 +140,6 @@ struct Bins {
     per_width: f64,
     first: usize,
     last: usize,
-    /// The one with the least bound.
-    promising: usize,
 }
 
 /// How many triangles start and end in each bin.
@@ -161,7 +166,6 @@ impl Histogram {
             per_width: 1.0 / width,
             first: 0,
             last: BINS - 1,
-            promising: 0,
         };
         let tolerance = tolerance.unwrap_or(0.0);
         let (mut starts, mut ends) = ([0u32; BINS], [0u32; BINS]);
@@ -180,10 +184,10 @@ impl Histogram {
         })
     }
 
-    /// From the first to the last bin that a plane may matter in, by bounds; `None` if there is
-    /// none. In a bin, at least those triangles are below that end of before it starts, and those
+    /// From the first to the last bin that a plane may matter in, by bounds, and the bin with the
+    /// least; `None` if there is none. In a bin, at least those triangles are below that end of before it starts, and those
     /// above that begin after it ends.
-    fn that_matter(&self, search: &Search) -> Option<Bins> {
+    fn that_matter(&self, search: &Search) -> Option<(Bins, usize)> {
         let (mut first, mut last, mut promising) = (BINS, 0, 0);
         let mut least = f64::INFINITY;
         let (mut below, mut above) = (0, self.count);
@@ -202,16 +206,24 @@ impl Histogram {
             }
             below += self.starts[i] as usize;
         }
-        (first < BINS).then_some(Bins {
+        let bins = Bins {
             first,
             last,
-            promising,
             ..self.bins
-        })
+        };
+        (first < BINS).then_some((bins, promising))
     }
 }
 
 impl Bins {
+    fn only(self, bin: usize) -> Bins {
+        Bins {
+            first: bin,
+            last: bin,
+            ..self
+        }
+    }
+
     /// The bin of an offset; those out of the cell are in the first or in the last one.
     #[inline(always)]
     fn of(&self, t: f32) -> usize {
