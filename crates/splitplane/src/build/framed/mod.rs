@@ -8,6 +8,7 @@
 //! the plane is allowed. Where another frame fits the normals of a subtree so much better that its
 //! boxes shrink, the subtree goes on in that frame.
 
+mod bins;
 mod frames;
 mod split;
 
