@@ -9,7 +9,7 @@ use super::split::{Search, Side, Way};
 use crate::geometry::frame::{round_down, round_up};
 
 /// Nodes of so many references are searched by bins.
-pub(super) const BINNED_FROM: usize = 512;
+pub(super) const BINNED_FROM: usize = 256;
 
 pub(super) const BINS: usize = 64;
 
@@ -61,70 +61,78 @@ pub(super) struct Row {
 
 #[derive(Default)]
 pub(super) struct Bins {
-    pub(super) rows: Vec<Row>,
+    rows: Vec<Row>,
 }
 
 impl Bins {
-    /// Puts the references of a node with these bounds into bins.
-    pub(super) fn fill(&mut self, search: &Search, bounds: &Bounds) {
-        self.rows.clear();
-        self.rows.extend(search.ways().map(|way| {
-            let (low, high) = (bounds.min[way.axis], bounds.max[way.axis]);
-            match way.is_plane {
-                true => Row::new(search, way, Scale::new(low, high)),
-                false => Row::new(search, way, Scale::new(2.0 * low, 2.0 * high)),
+    /// Puts the references of a node with these bounds into bins: a row for each way to divide.
+    pub(super) fn fill(&mut self, search: &Search, bounds: &Bounds) -> &[Row] {
+        let mut rows = 0;
+        for way in search.ways() {
+            if self.rows.len() == rows {
+                self.rows.push(Row::EMPTY);
             }
-        }));
+            let (low, high) = (bounds.min[way.axis], bounds.max[way.axis]);
+            let row = &mut self.rows[rows];
+            row.way = way;
+            row.scale = match way.is_plane {
+                true => Scale::new(low, high),
+                false => Scale::new(2.0 * low, 2.0 * high),
+            };
+            row.fill(search);
+            rows += 1;
+        }
+        &self.rows[..rows]
     }
 }
 
 impl Row {
-    fn new(search: &Search, way: Way, scale: Scale) -> Self {
-        let Way { axis, is_plane } = way;
+    const EMPTY: Row = Row {
+        way: Way {
+            axis: 0,
+            is_plane: false,
+        },
+        scale: Scale {
+            low: 0.0,
+            density: 0.0,
+        },
+        at_least: [0.0; BINS],
+        around: [[Side::EMPTY; 2]; BINS],
+    };
+
+    fn fill(&mut self, search: &Search) {
+        let (Way { axis, is_plane }, scale) = (self.way, self.scale);
         // What starts in a bin is below all that follow; what ends there is above all before.
-        let mut starts = [Side::EMPTY; BINS];
-        let mut ends = [Side::EMPTY; BINS];
-        match is_plane {
-            true => {
-                for r in search.references {
-                    starts[scale.bin(r.min[axis])].add(r);
-                    ends[scale.bin(r.max[axis])].add(r);
-                }
-            }
-            false => {
-                for r in search.references {
-                    starts[scale.bin(r.center()[axis])].add(r);
-                }
-                ends = starts;
-            }
+        self.around = [[Side::EMPTY; 2]; BINS];
+        for r in search.references {
+            let (start, end) = match is_plane {
+                true => (scale.bin(r.min[axis]), scale.bin(r.max[axis])),
+                false => [scale.bin(r.center()[axis]); 2].into(),
+            };
+            self.around[start][0].add(r);
+            self.around[end][1].add(r);
         }
-        let mut around = [[Side::EMPTY; 2]; BINS];
+        let is_empty: [bool; BINS] =
+            std::array::from_fn(|bin| self.around[bin].iter().all(|side| side.count == 0));
         let (mut below, mut above) = (Side::EMPTY, Side::EMPTY);
+        for [starts, _] in &mut self.around {
+            (*starts, below) = (below, below.union(starts));
+        }
+        for [_, ends] in self.around.iter_mut().rev() {
+            (*ends, above) = (above, above.union(ends));
+        }
         for bin in 0..BINS {
-            around[bin][0] = below;
-            below = below.union(&starts[bin]);
-        }
-        for bin in (0..BINS).rev() {
-            around[bin][1] = above;
-            above = above.union(&ends[bin]);
-        }
-        let at_least = std::array::from_fn(|bin| {
-            if starts[bin].count + ends[bin].count == 0 {
-                return f32::INFINITY;
+            if is_empty[bin] {
+                self.at_least[bin] = f32::INFINITY;
+                continue;
             }
-            let [mut below, mut above] = around[bin];
+            let [mut below, mut above] = self.around[bin];
             if is_plane {
                 let (low, high) = scale.range(bin);
                 below.bounds.max[axis] = below.bounds.max[axis].min(low);
                 above.bounds.min[axis] = above.bounds.min[axis].max(high);
             }
-            search.price(&below, &above)
-        });
-        Row {
-            way,
-            scale,
-            at_least,
-            around,
+            self.at_least[bin] = search.price(&below, &above);
         }
     }
 }

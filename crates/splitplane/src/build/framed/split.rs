@@ -164,15 +164,14 @@ impl<'a> Search<'a> {
     /// Finds the same by pricing only the divisions of bins that may hold the best one.
     fn by_bins(&mut self, bounds: &Bounds, scratch: &mut Scratch) {
         let mut bins = std::mem::take(&mut scratch.bins);
-        bins.fill(self, bounds);
+        let rows = bins.fill(self, bounds);
         // The most promising bin rules most of the others out.
-        let all = bins.rows.iter().enumerate();
-        let promising = all
+        let promising = (rows.iter().enumerate())
             .flat_map(|(at, row)| (0..BINS).map(move |bin| (at, bin, row.at_least[bin])))
             .min_by(|a, b| a.2.total_cmp(&b.2));
         if let Some((first, best, _)) = promising {
-            self.refine(&bins.rows[first], |bin| bin == best, scratch);
-            for (at, row) in bins.rows.iter().enumerate() {
+            self.refine(&rows[first], |bin| bin == best, scratch);
+            for (at, row) in rows.iter().enumerate() {
                 let cost = self.cost;
                 let wanted = |bin| row.at_least[bin] < cost && (at, bin) != (first, best);
                 self.refine(row, wanted, scratch);
