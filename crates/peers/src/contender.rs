@@ -81,7 +81,7 @@ pub fn build(name: &str, geometry: &Geometry<'_>, threads: usize) -> Result<Box<
         _ => Box::new(ours::Ours::build(name, geometry.mesh, threads).with_context(|| {
             format!(
                 "there is no contender \"{name}\"; there are {RIVALS}, and our trees by name, each \
-                 with @LAYOUT"
+                 with /PRESET and @LAYOUT where they are not the default ones"
             )
         })?),
     })

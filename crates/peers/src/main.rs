@@ -1,6 +1,7 @@
 //! Splitplane's queries beside those of Embree and others: the same rays through the same
 //! triangles, on one thread, in turn.
 
+mod builds;
 mod bvh_crate;
 mod contender;
 mod embree;
@@ -23,7 +24,7 @@ use anyhow::{Context, Result, bail, ensure};
 use clap::Parser;
 use splitplane::{BuildParams, Tree};
 use splitplane_lab::Machine;
-use splitplane_render::scene::{LoadOptions, load};
+use splitplane_render::scene::{LoadOptions, Scene, load};
 
 use contender::Geometry;
 use measure::{Plan, built, measure, pin};
@@ -41,7 +42,7 @@ struct Args {
     /// Folders in which scenes are looked for, before those of SPLITPLANE_SCENES
     #[arg(long = "scenes", value_name = "DIR")]
     search: Vec<PathBuf>,
-    /// Contenders: our trees by name (wn+kd:6@binary), and
+    /// Contenders: our trees by name (wn+kd:6@binary, wn+kd:6/fast@wide), and
     /// embree[-robust][-packet4|-packet8|-packet16], obvhs-bvh2, obvhs-cwbvh, bvh-crate, parry3d,
     /// tinybvh-bvh8
     #[arg(
@@ -75,6 +76,9 @@ struct Args {
     /// the answers that are missing or wrong
     #[arg(long, value_name = "RAYS", value_parser = clap::value_parser!(u64).range(1..))]
     leaks: Option<u64>,
+    /// Cast no rays: build every contender so many times, in turn
+    #[arg(long, value_name = "REPS", value_parser = clap::value_parser!(u32).range(1..))]
+    builds: Option<u32>,
     /// Append the rows to this file, as JSON, one a line
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
@@ -101,6 +105,19 @@ fn main() -> Result<()> {
         print!("{table}");
         if let Some(path) = &args.markdown {
             std::fs::write(path, table)?;
+        }
+        return Ok(());
+    }
+    if let Some(reps) = args.builds {
+        let mut out = builds::HEAD.to_owned();
+        for name in &args.scenes {
+            let scene = scene(&args, name)?;
+            let geometry = Geometry::of(&scene.mesh);
+            out += &builds::of_scene(&args, &scene.name, &geometry, reps)?;
+        }
+        print!("{out}");
+        if let Some(path) = &args.markdown {
+            std::fs::write(path, out)?;
         }
         return Ok(());
     }
@@ -137,8 +154,8 @@ fn main() -> Result<()> {
     Ok(())
 }
 
-/// Measures all contenders on a scene.
-fn of_scene(args: &Args, name: &str) -> Result<Vec<Row>> {
+/// A scene that has triangles; says so where the machine is busy.
+fn scene(args: &Args, name: &str) -> Result<Scene> {
     let machine = Machine::now();
     if machine.is_busy() {
         eprintln!(
@@ -151,9 +168,17 @@ fn of_scene(args: &Args, name: &str) -> Result<Vec<Row>> {
         ..LoadOptions::default()
     };
     let scene = load(name, &options)?;
+    let triangles = scene.mesh.usable_triangles().len();
+    ensure!(triangles > 0, "{name} has no triangles");
+    eprintln!("{}: {triangles} triangles", scene.name);
+    Ok(scene)
+}
+
+/// Measures all contenders on a scene.
+fn of_scene(args: &Args, name: &str) -> Result<Vec<Row>> {
+    let machine = Machine::now();
+    let scene = scene(args, name)?;
     let geometry = Geometry::of(&scene.mesh);
-    ensure!(!geometry.triangles.is_empty(), "{name} has no triangles");
-    eprintln!("{}: {} triangles", scene.name, geometry.triangles.len());
 
     let kinds = args
         .sets

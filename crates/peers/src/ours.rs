@@ -1,7 +1,8 @@
-//! Our own trees: NAME or NAME@LAYOUT.
+//! Our own trees: NAME, NAME/PRESET, each also with @LAYOUT.
 
 use anyhow::{Result, bail};
-use splitplane::{BuildParams, Coherence, Counts, Hit, Layout, Mesh, Ray, Tree, TreeChoice};
+use splitplane::{Coherence, Counts, Hit, Layout, Mesh, Ray, Tree, TreeChoice};
+use splitplane_lab::Preset;
 
 use crate::contender::{Contender, Work, each};
 use crate::rays::Kind;
@@ -35,10 +36,14 @@ impl Ours {
         }
     }
 
-    /// Builds `wn+kd:6@binary` or the like.
+    /// Builds `wn+kd:6@binary`, `wn+kd:6/fast@wide` or the like.
     pub fn build(name: &str, mesh: &Mesh, threads: usize) -> Result<Self> {
         let (tree, layout) = name.split_once('@').unwrap_or((name, "binary"));
+        let (tree, preset) = tree
+            .split_once('/')
+            .unwrap_or((tree, Preset::Default.name()));
         let choice: TreeChoice = tree.parse()?;
+        let params = preset.parse::<Preset>()?.params();
         let asked = match layout {
             "binary" => Asked::Binary,
             "wide" => Asked::Wide,
@@ -57,8 +62,7 @@ impl Ours {
             Asked::Binary => Layout::Binary,
             Asked::Wide | Asked::Batch(_) => Layout::Wide,
         };
-        let tree = pool
-            .install(|| Tree::build(mesh, choice, &BuildParams::default())?.with_layout(layout))?;
+        let tree = pool.install(|| Tree::build(mesh, choice, &params)?.with_layout(layout))?;
         Ok(Ours { tree, asked })
     }
 }

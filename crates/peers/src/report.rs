@@ -5,7 +5,8 @@ use comfy_table::{CellAlignment, LineStyle, Table, TableStyle};
 use crate::rays::Kind;
 use crate::record::Row;
 
-fn number(value: f64) -> String {
+/// A number in three digits; a dash where there is none.
+pub fn number(value: f64) -> String {
     match value {
         v if !v.is_finite() => "–".to_owned(),
         v if v.abs() < 10.0 => format!("{v:.2}"),

@@ -123,12 +123,7 @@ impl Group {
 
     /// Its name as part of a file's or an element's.
     pub(crate) fn slug(&self) -> String {
-        let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
-        let slug: String = self.title().to_lowercase().chars().map(plain).collect();
-        slug.split('-')
-            .filter(|part| !part.is_empty())
-            .collect::<Vec<_>>()
-            .join("-")
+        slug(&self.title())
     }
 
     /// The measures that mean something here.
@@ -185,6 +180,16 @@ impl Group {
             self.points.iter().filter(same).count() >= 3
         })
     }
+}
+
+/// A text as part of a file's or an element's name.
+pub(crate) fn slug(text: &str) -> String {
+    let plain = |c: char| if c.is_ascii_alphanumeric() { c } else { '-' };
+    let slug: String = text.to_lowercase().chars().map(plain).collect();
+    slug.split('-')
+        .filter(|part| !part.is_empty())
+        .collect::<Vec<_>>()
+        .join("-")
 }
 
 pub(crate) fn tenth(percent: f64) -> f64 {

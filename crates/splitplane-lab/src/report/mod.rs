@@ -235,7 +235,8 @@ impl Report {
         };
         let mut written = Vec::new();
         let plots = made("plots")?;
-        for plot in self.groups.iter().flat_map(plots::of_group) {
+        let of_groups = self.groups.iter().flat_map(plots::of_group);
+        for plot in of_groups.chain(plots::over_sizes(&self.groups)) {
             if let Some(svg) = plot.svg() {
                 write_file(&plots.join(format!("{}.svg", plot.key)), svg.as_bytes())?;
             }

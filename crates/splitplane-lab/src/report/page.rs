@@ -6,6 +6,7 @@ use splitplane_render::output::false_colours;
 
 use super::group::{Group, Point, Told, tenth};
 use super::measures::{MEASURES, Measure};
+use super::plot::Plot;
 use super::{Gallery, Report, plots};
 use crate::LabError;
 use crate::experiment::SceneFacts;
@@ -25,7 +26,8 @@ const VEGA_LICENCE: &str = include_str!("../../assets/vega/vega.LICENSE");
 
 pub(super) fn html(report: &Report) -> Result<String, LabError> {
     let plots: Vec<Vec<_>> = report.groups.iter().map(plots::of_group).collect();
-    let specs: Value = (plots.iter().flatten())
+    let over_sizes = plots::over_sizes(&report.groups);
+    let specs: Value = (plots.iter().flatten().chain(&over_sizes))
         .map(|plot| (plot.key.clone(), plot.vega_lite()))
         .collect::<serde_json::Map<String, Value>>()
         .into();
@@ -52,6 +54,7 @@ pub(super) fn html(report: &Report) -> Result<String, LabError> {
                         @for group in &report.groups {
                             a href={ "#" (group.slug()) } { (group.title()) }
                         }
+                        @if !over_sizes.is_empty() { a href="#sizes" { "Over the size" } }
                         a href="#scenes" { "Scenes" }
                         a href="#method" { "Method" }
                     }
@@ -64,18 +67,17 @@ pub(super) fn html(report: &Report) -> Result<String, LabError> {
                             (conditions(group))
                             (table(group))
                             h3 { "Plots" }
-                            div.plots {
-                                @for plot in &plots[i] {
-                                    figure.plot {
-                                        figcaption { (plot.caption) }
-                                        div.vega id={ "plot-" (plot.key) } data-plot=(plot.key) {}
-                                    }
-                                }
-                            }
+                            (figures(&plots[i]))
                             @if let Some(gallery) = report.galleries.iter().position(|g| g.group == i) {
                                 (gallery_markup(gallery, &report.galleries[gallery]))
                             }
                             (cards(group))
+                        }
+                    }
+                    @if !over_sizes.is_empty() {
+                        section #sizes {
+                            h2 { "Over the size" }
+                            (figures(&over_sizes))
                         }
                     }
                     (scenes(report))
@@ -95,6 +97,19 @@ pub(super) fn html(report: &Report) -> Result<String, LabError> {
         }
     };
     Ok(page.into_string())
+}
+
+fn figures(plots: &[Plot]) -> Markup {
+    html! {
+        div.plots {
+            @for plot in plots {
+                figure.plot {
+                    figcaption { (plot.caption) }
+                    div.vega id={ "plot-" (plot.key) } data-plot=(plot.key) {}
+                }
+            }
+        }
+    }
 }
 
 /// JSON that cannot end the script that it is in.

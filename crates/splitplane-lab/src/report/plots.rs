@@ -9,6 +9,7 @@ use super::measures::Measure;
 use super::plot::{Kind, Plot, PlotPoint, Series, colour, step};
 use crate::published::Curve;
 use crate::run::Run;
+use crate::stats::estimate;
 
 /// The largest leaf, and the greatest depth, that curves go to.
 const MOST_TRIANGLES: u32 = 20;
@@ -62,6 +63,74 @@ pub(crate) fn of_group(group: &Group) -> Vec<Plot> {
         }
     }
     plots
+}
+
+/// Build time over the size of the scene, for scenes that are there in three or more sizes: a name,
+/// a colon and a size, as `arcade:40000`. In units of n log n, so that a build whose time grows as
+/// n log n is a level line.
+pub(crate) fn over_sizes(groups: &[Group]) -> Vec<Plot> {
+    let family = |group: &Group| {
+        let (name, _) = group.scene.split_once(':')?;
+        Some((name.to_owned(), group.conditions.clone()))
+    };
+    let mut families: Vec<((String, String), Vec<&Group>)> = Vec::new();
+    for group in groups.iter().filter(|group| group.timed) {
+        let Some(key) = family(group) else { continue };
+        match families.iter_mut().find(|(other, _)| *other == key) {
+            Some((_, members)) => members.push(group),
+            None => families.push((key, vec![group])),
+        }
+    }
+    families.retain(|(_, members)| members.len() >= 3);
+    (families.into_iter())
+        .map(|((name, conditions), mut members)| {
+            let triangles = |group: &Group| group.points[0].runs[0].record.triangles as f64;
+            members.sort_by(|a, b| triangles(a).total_cmp(&triangles(b)));
+            let mut series: Vec<Series> = Vec::new();
+            for (group, point) in
+                (members.iter()).flat_map(|g| g.points.iter().map(move |p| (g, p)))
+            {
+                let n = triangles(group);
+                let unit = 1e-9 * n * n.log2();
+                let times = point.runs.iter().map(|run| run.record.build_s / unit);
+                let Some(time) = estimate(times) else {
+                    continue;
+                };
+                let at = PlotPoint {
+                    x: n.log10(),
+                    y: time.median,
+                    low: time.interval.0,
+                    high: time.interval.1,
+                };
+                let name = point.tree.to_string();
+                match series.iter_mut().find(|series| series.name == name) {
+                    Some(series) => series.points.push(at),
+                    None => series.push(Series {
+                        name,
+                        colour: colour(point.tree.spec),
+                        published: false,
+                        points: vec![at],
+                    }),
+                }
+            }
+            let (of, key) = match conditions.as_str() {
+                "" => (name.clone(), name),
+                conditions => (
+                    format!("{name}, {conditions}"),
+                    format!("{name} {conditions}"),
+                ),
+            };
+            Plot {
+                key: format!("{}-build-time-over-size", super::group::slug(&key)),
+                title: format!("{of}: build time over n log₂ n, by the number of triangles n"),
+                caption: format!("{of}: build time over n log₂ n"),
+                x: "log₁₀ of the number of triangles".to_owned(),
+                y: "build time / (n log₂ n), ns".to_owned(),
+                kind: Kind::Lines,
+                series,
+            }
+        })
+        .collect()
 }
 
 /// The points whose curves share a plot: all; or, where numbers of directions are swept, those of

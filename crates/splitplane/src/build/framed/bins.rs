@@ -132,7 +132,7 @@ impl Row {
                 below.bounds.max[axis] = below.bounds.max[axis].min(low);
                 above.bounds.min[axis] = above.bounds.min[axis].max(high);
             }
-            self.at_least[bin] = search.price(&below, &above);
+            self.at_least[bin] = search.price(&below, &above, 0.0);
         }
     }
 }

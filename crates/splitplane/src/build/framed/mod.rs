@@ -4,8 +4,8 @@
 //! children are those around them: tight, with no empty space to be cut off. A node is divided
 //! either by a plane across one of its frame's axes, which cuts references in two [Stich2009], or
 //! by the centres of the references, which leaves them whole. The plane is better where triangles
-//! are large, the centres where they are many; where boxes of children would overlap by much, only
-//! the plane is allowed. Where another frame fits the normals of a subtree so much better that its
+//! are large, the centres where they are many; where boxes of children overlap that is charged, and
+//! where they would overlap by much, only the plane is allowed. Where another frame fits the normals of a subtree so much better that its
 //! boxes shrink, the subtree goes on in that frame.
 
 mod bins;
@@ -24,7 +24,7 @@ use crate::tree::wide::{MAX_FRAMES, WIDTH};
 use split::{Scratch, Split};
 
 /// Cost of a visit of a node, with that of testing up to eight triangles as 2.
-const NODE_COST: f32 = 1.0;
+const NODE_COST: f32 = 0.5;
 const LEAF_COST: f32 = 2.0;
 
 /// Cutting may give this many references for each triangle, at most, on top of the first one.

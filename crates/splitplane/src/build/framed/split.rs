@@ -7,6 +7,11 @@ use crate::tree::wide::WIDTH;
 /// Boxes of children may overlap by this share of their parent's area.
 const MAX_OVERLAP: f32 = 0.5;
 
+/// What the area that boxes of children share costs, on top of what it costs as part of both: rays
+/// that pass it visit both children. A small one prefers, of two divisions that are much the same,
+/// the one that keeps them apart; a larger one cuts many triangles for it.
+const OVERLAP_COST: f32 = 0.01;
+
 /// How to divide a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Split {
@@ -145,10 +150,12 @@ impl<'a> Search<'a> {
         })
     }
 
-    /// What a division costs that has no less than this on either side.
+    /// What a division costs that has no less than this on either side, and shares so much of half
+    /// the area of both boxes.
     #[inline(always)]
-    pub(super) fn price(&self, below: &Side, above: &Side) -> f32 {
-        let side = |side: &Side| side.bounds.half_area() * blocks(side.count);
+    pub(super) fn price(&self, below: &Side, above: &Side, shared: f32) -> f32 {
+        let extra = OVERLAP_COST * shared;
+        let side = |side: &Side| (side.bounds.half_area() + extra) * blocks(side.count);
         NODE_COST * self.area + LEAF_COST * (side(below) + side(above))
     }
 
@@ -243,8 +250,8 @@ impl<'a> Search<'a> {
     }
 
     #[inline(always)]
-    fn enter(&mut self, split: Split, below: &Side, above: &Side) {
-        let cost = self.price(below, above);
+    fn enter(&mut self, split: Split, below: &Side, above: &Side, shared: f32) {
+        let cost = self.price(below, above, shared);
         self.candidates += 1;
         if cost < self.cost {
             (self.cost, self.best) = (cost, Some(split));
@@ -273,10 +280,13 @@ impl<'a> Search<'a> {
                     min: below.bounds.min.max(above.bounds.min),
                     max: below.bounds.max.min(above.bounds.max),
                 };
-                let overlaps = overlap.min.cmple(overlap.max).all();
-                if !overlaps || overlap.half_area() <= MAX_OVERLAP * self.area {
+                let shared = match overlap.min.cmple(overlap.max).all() {
+                    true => overlap.half_area(),
+                    false => 0.0,
+                };
+                if shared <= MAX_OVERLAP * self.area {
                     let at = value(center);
-                    self.enter(Split::Centers { axis, at }, &below, &above);
+                    self.enter(Split::Centers { axis, at }, &below, &above, shared);
                 }
             }
             last = Some(center >> 32);
@@ -324,7 +334,7 @@ impl<'a> Search<'a> {
                     at,
                     flat_below,
                 };
-                self.enter(split, &below, &above);
+                self.enter(split, &below, &above, 0.0);
             };
             // What ends here without lying here is not above.
             while next(ends, ended) == Some(height) && !is_flat(index(ends[ended])) {
