@@ -9,7 +9,7 @@ use crate::measure::built;
 use crate::report::number;
 
 /// The head of the Markdown table whose lines [`of_scene`] gives.
-pub const HEAD: &str = "| scene, triangles | contender | processor time, s | × baseline | range | bytes a triangle |\n\
+pub const HEAD: &str = "| scene, triangles | contender | time, s | × baseline | range | bytes a triangle |\n\
                         |---|---|--:|--:|--:|--:|\n";
 
 /// Builds all contenders in turn, `reps` times; a line for each. Ratios are medians of those of the
@@ -21,8 +21,8 @@ pub fn of_scene(args: &Args, name: &str, geometry: &Geometry<'_>, reps: u32) -> 
     for _ in 0..reps {
         for (i, contender) in args.contenders.iter().enumerate() {
             let built = built(contender, geometry, args.build_threads as usize)?;
-            eprintln!("  {contender}: {:.2} s, {:.2} s of processors", built.build_wall, built.build_cpu);
-            seconds[i].push(built.build_cpu);
+            eprintln!("  {contender} built in {:.2} s", built.build_wall);
+            seconds[i].push(built.build_wall);
             bytes[i] = built.contender.bytes();
         }
     }

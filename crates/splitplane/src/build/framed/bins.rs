@@ -5,7 +5,7 @@
 //! less than a cost that has been found, its references need not be sorted.
 
 use super::Bounds;
-use super::split::{Search, Side, Way};
+use super::split::{Search, Side, Way, ways};
 use crate::geometry::frame::{round_down, round_up};
 
 /// Nodes of so many references are searched by bins.
@@ -50,6 +50,7 @@ impl Scale {
 }
 
 /// The bins of a way to divide.
+#[derive(Clone)]
 pub(super) struct Row {
     pub(super) way: Way,
     pub(super) scale: Scale,
@@ -65,24 +66,20 @@ pub(super) struct Bins {
 }
 
 impl Bins {
-    /// Puts the references of a node with these bounds into bins: a row for each way to divide.
-    pub(super) fn fill(&mut self, search: &Search, bounds: &Bounds) -> &[Row] {
-        let mut rows = 0;
-        for way in search.ways() {
-            if self.rows.len() == rows {
-                self.rows.push(Row::EMPTY);
-            }
+    /// Puts the references of a node with these bounds into bins, for planes or for centres: a row
+    /// for each axis.
+    pub(super) fn fill(&mut self, search: &Search, bounds: &Bounds, planes: bool) -> &[Row] {
+        self.rows.resize(3, Row::EMPTY);
+        for (row, way) in self.rows.iter_mut().zip(ways(planes)) {
             let (low, high) = (bounds.min[way.axis], bounds.max[way.axis]);
-            let row = &mut self.rows[rows];
             row.way = way;
             row.scale = match way.is_plane {
                 true => Scale::new(low, high),
                 false => Scale::new(2.0 * low, 2.0 * high),
             };
             row.fill(search);
-            rows += 1;
         }
-        &self.rows[..rows]
+        &self.rows
     }
 }
 
@@ -121,10 +118,9 @@ impl Row {
         for [_, ends] in self.around.iter_mut().rev() {
             (*ends, above) = (above, above.union(ends));
         }
-        for bin in 0..BINS {
+        self.at_least = std::array::from_fn(|bin| {
             if is_empty[bin] {
-                self.at_least[bin] = f32::INFINITY;
-                continue;
+                return f32::INFINITY;
             }
             let [mut below, mut above] = self.around[bin];
             if is_plane {
@@ -132,7 +128,7 @@ impl Row {
                 below.bounds.max[axis] = below.bounds.max[axis].min(low);
                 above.bounds.min[axis] = above.bounds.min[axis].max(high);
             }
-            self.at_least[bin] = search.price(&below, &above, 0.0);
-        }
+            search.price(&below, &above, 0.0)
+        });
     }
 }

@@ -4,9 +4,9 @@
 //! children are those around them: tight, with no empty space to be cut off. A node is divided
 //! either by a plane across one of its frame's axes, which cuts references in two [Stich2009], or
 //! by the centres of the references, which leaves them whole. The plane is better where triangles
-//! are large, the centres where they are many; where boxes of children overlap that is charged, and
-//! where they would overlap by much, only the plane is allowed. Where another frame fits the normals of a subtree so much better that its
-//! boxes shrink, the subtree goes on in that frame.
+//! are large, the centres where they are many; that boxes of children overlap is charged, and where
+//! they would by much, only the plane is allowed. Where another frame fits the normals of a subtree
+//! so much better that its boxes shrink, the subtree goes on in that frame.
 
 mod bins;
 mod frames;

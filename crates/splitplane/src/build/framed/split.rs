@@ -10,7 +10,12 @@ const MAX_OVERLAP: f32 = 0.5;
 /// What the area that boxes of children share costs, on top of what it costs as part of both: rays
 /// that pass it visit both children. A small one prefers, of two divisions that are much the same,
 /// the one that keeps them apart; a larger one cuts many triangles for it.
-const OVERLAP_COST: f32 = 0.01;
+const OVERLAP_COST: f32 = 0.02;
+
+/// Planes are looked for in large nodes only where the children of the best centres overlap along
+/// their axis by more than this, in units of the edge of a square as large as half the node's area:
+/// where triangles are small beside their node, cutting them gains nothing.
+const PLANES_FROM: f32 = 0.02;
 
 /// How to divide a node.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -72,7 +77,7 @@ pub(super) fn find(
     match references.len() {
         0..2 => {}
         2..BINNED_FROM => search.all(scratch),
-        _ => search.by_bins(bounds, scratch),
+        _ => search.by_bins(bounds, PLANES_FROM, scratch),
     }
     scratch.candidates += search.candidates;
     let is_leaf = references.len() <= WIDTH;
@@ -84,6 +89,11 @@ pub(super) fn find(
 pub(super) struct Way {
     pub(super) axis: usize,
     pub(super) is_plane: bool,
+}
+
+/// Those across each axis.
+pub(super) fn ways(is_plane: bool) -> impl Iterator<Item = Way> {
+    (0..3).map(move |axis| Way { axis, is_plane })
 }
 
 /// What lies on a side of a division.
@@ -121,6 +131,8 @@ pub(super) struct Search<'a> {
     /// How many references may be cut.
     cuts: usize,
     best: Option<Split>,
+    /// By how much the boxes of the best centres' children overlap along the axis.
+    overlap: f32,
     cost: f32,
     candidates: u64,
 }
@@ -132,6 +144,7 @@ impl<'a> Search<'a> {
             area,
             cuts,
             best: None,
+            overlap: f32::INFINITY,
             cost: match references.len() <= WIDTH {
                 true => LEAF_COST * area,
                 false => f32::INFINITY,
@@ -140,14 +153,9 @@ impl<'a> Search<'a> {
         }
     }
 
-    pub(super) fn ways(&self) -> impl Iterator<Item = Way> + use<> {
-        let planes = if self.cuts > 0 { 2 } else { 1 };
-        (0..3).flat_map(move |axis| {
-            (0..planes).map(move |plane| Way {
-                axis,
-                is_plane: plane == 1,
-            })
-        })
+    fn ways(&self) -> impl Iterator<Item = Way> + use<> {
+        let kinds = if self.cuts > 0 { 2 } else { 1 };
+        [false, true].into_iter().take(kinds).flat_map(ways)
     }
 
     /// What a division costs that has no less than this on either side, and shares so much of half
@@ -168,10 +176,11 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Finds the same by pricing only the divisions of bins that may hold the best one.
-    fn by_bins(&mut self, bounds: &Bounds, scratch: &mut Scratch) {
+    /// Finds the same by pricing only the divisions of bins that may hold the best one; but planes
+    /// only where children would overlap without them.
+    fn by_bins(&mut self, bounds: &Bounds, planes_from: f32, scratch: &mut Scratch) {
         let mut bins = std::mem::take(&mut scratch.bins);
-        let rows = bins.fill(self, bounds);
+        let rows = bins.fill(self, bounds, false);
         // The most promising bin rules most of the others out.
         let promising = (rows.iter().enumerate())
             .flat_map(|(at, row)| (0..BINS).map(move |bin| (at, bin, row.at_least[bin])))
@@ -182,6 +191,12 @@ impl<'a> Search<'a> {
                 let cost = self.cost;
                 let wanted = |bin| row.at_least[bin] < cost && (at, bin) != (first, best);
                 self.refine(row, wanted, scratch);
+            }
+        }
+        if self.cuts > 0 && self.overlap > planes_from * self.area.sqrt() {
+            for row in bins.fill(self, bounds, true) {
+                let cost = self.cost;
+                self.refine(row, |bin| row.at_least[bin] < cost, scratch);
             }
         }
         scratch.bins = bins;
@@ -249,13 +264,16 @@ impl<'a> Search<'a> {
         }
     }
 
+    /// True where it is the best so far.
     #[inline(always)]
-    fn enter(&mut self, split: Split, below: &Side, above: &Side, shared: f32) {
+    fn enter(&mut self, split: Split, below: &Side, above: &Side, shared: f32) -> bool {
         let cost = self.price(below, above, shared);
         self.candidates += 1;
-        if cost < self.cost {
+        let is_best = cost < self.cost;
+        if is_best {
             (self.cost, self.best) = (cost, Some(split));
         }
+        is_best
     }
 
     fn centers(
@@ -286,7 +304,9 @@ impl<'a> Search<'a> {
                 };
                 if shared <= MAX_OVERLAP * self.area {
                     let at = value(center);
-                    self.enter(Split::Centers { axis, at }, &below, &above, shared);
+                    if self.enter(Split::Centers { axis, at }, &below, &above, shared) {
+                        self.overlap = overlap.max[axis] - overlap.min[axis];
+                    }
                 }
             }
             last = Some(center >> 32);
@@ -404,7 +424,7 @@ mod tests {
             let found = |by_bins: bool| {
                 let mut search = Search::new(&references, bounds.half_area(), cuts);
                 match by_bins {
-                    true => search.by_bins(&bounds, &mut Scratch::default()),
+                    true => search.by_bins(&bounds, f32::NEG_INFINITY, &mut Scratch::default()),
                     false => search.all(&mut Scratch::default()),
                 }
                 (search.cost, search.best.is_some())
@@ -431,7 +451,7 @@ mod tests {
         let priced = |by_bins: bool| {
             let mut search = Search::new(&references, bounds.half_area(), usize::MAX);
             match by_bins {
-                true => search.by_bins(&bounds, &mut Scratch::default()),
+                true => search.by_bins(&bounds, f32::NEG_INFINITY, &mut Scratch::default()),
                 false => search.all(&mut Scratch::default()),
             }
             (search.candidates, search.best)
