@@ -121,6 +121,25 @@ fn a_grid_gives_every_combination_once_with_a_report_beside() {
 }
 
 #[test]
+fn a_scene_in_three_sizes_has_its_build_time_plotted_over_them() {
+    let folder = folder();
+    let text = "title = \"Growth\"\ntimed = true\npictures = false\n\
+                scenes = [\"grove:8000\", \"grove:2000\", \"grove:4000\"]\n\
+                trees = [\"kd\", \"framed\"]\n[grid]\nresolution = 16\nspp = 1\n";
+    fs::write(folder.path().join("growth.toml"), text).unwrap();
+    let (code, out, err) =
+        outcome(splitplane(&folder).args(["experiment", "growth.toml", "--out", "e"]));
+    assert_eq!(code, 0, "{err}\n{out}");
+    let e = folder.path().join("e");
+    let svg = fs::read_to_string(e.join("plots/grove-build-time-over-size.svg")).unwrap();
+    assert!(svg.contains("grove: build time over n log"), "{svg}");
+    // A point for each tree and size.
+    assert_eq!(svg.matches("<circle").count(), 6, "{svg}");
+    let page = fs::read_to_string(e.join("report.html")).unwrap();
+    assert!(page.contains("Over the size"));
+}
+
+#[test]
 fn a_folder_with_an_experiment_is_not_overwritten_and_resuming_runs_nothing_again() {
     let folder = folder();
     let file = experiment(&folder, "", "spp = 1");
