@@ -124,15 +124,15 @@ fn a_grid_gives_every_combination_once_with_a_report_beside() {
 fn a_scene_in_three_sizes_has_its_build_time_plotted_over_them() {
     let folder = folder();
     let text = "title = \"Growth\"\ntimed = true\npictures = false\n\
-                scenes = [\"grove:8000\", \"grove:2000\", \"grove:4000\"]\n\
-                trees = [\"kd\", \"framed\"]\n[grid]\nresolution = 16\nspp = 1\n";
+                scenes = [\"arcade:50000\", \"arcade:40000\", \"arcade:45000\"]\n\
+                trees = [\"bvh\", \"framed\"]\n[grid]\nresolution = 16\nspp = 1\n";
     fs::write(folder.path().join("growth.toml"), text).unwrap();
     let (code, out, err) =
         outcome(splitplane(&folder).args(["experiment", "growth.toml", "--out", "e"]));
     assert_eq!(code, 0, "{err}\n{out}");
     let e = folder.path().join("e");
-    let svg = fs::read_to_string(e.join("plots/grove-build-time-over-size.svg")).unwrap();
-    assert!(svg.contains("grove: build time over n log"), "{svg}");
+    let svg = fs::read_to_string(e.join("plots/arcade-build-time-over-size.svg")).unwrap();
+    assert!(svg.contains("arcade: build time over n log"), "{svg}");
     // A point for each tree and size.
     assert_eq!(svg.matches("<circle").count(), 6, "{svg}");
     let page = fs::read_to_string(e.join("report.html")).unwrap();
@@ -175,10 +175,13 @@ fn a_folder_with_an_experiment_is_not_overwritten_and_resuming_runs_nothing_agai
 /// When each result of a folder was written.
 fn times(cells: PathBuf) -> BTreeMap<PathBuf, SystemTime> {
     let entries = fs::read_dir(cells).into_iter().flatten().flatten();
+    // A file that is still being written has a hidden name, and may be gone the next moment.
     entries
-        .map(|entry| (entry.path(), entry.metadata().unwrap().modified().unwrap()))
-        .filter(|(path, _)| path.extension().is_some_and(|e| e == "json"))
-        .filter(|(path, _)| !path.file_name().unwrap().to_string_lossy().starts_with('.'))
+        .map(|entry| entry.path())
+        .filter(|path| path.extension().is_some_and(|e| e == "json"))
+        .filter(|path| !path.file_name().unwrap().to_string_lossy().starts_with('.'))
+        .map(|path| (fs::metadata(&path).unwrap().modified().unwrap(), path))
+        .map(|(time, path)| (path, time))
         .collect()
 }
 
