@@ -13,8 +13,8 @@ pub const HEAD: &str = "| scene, triangles | contender | time, s | × baseline |
                         |---|---|--:|--:|--:|--:|\n";
 
 /// Builds all contenders in turn, `reps` times; a line for each. Ratios are medians of those of the
-/// same repetition, of the time of
-/// all processors; to the first contender where the baseline is not among them.
+/// same repetition, by the wall's time: a library's idle threads may spin. They are to the first
+/// contender where the baseline is not among them.
 pub fn of_scene(args: &Args, name: &str, geometry: &Geometry<'_>, reps: u32) -> Result<String> {
     let mut seconds = vec![Vec::new(); args.contenders.len()];
     let mut bytes = vec![0; args.contenders.len()];

@@ -111,7 +111,7 @@ fn main() -> Result<()> {
     if let Some(reps) = args.builds {
         let mut out = builds::HEAD.to_owned();
         for name in &args.scenes {
-            let scene = scene(&args, name)?;
+            let scene = scene(&args, name, &Machine::now())?;
             let geometry = Geometry::of(&scene.mesh);
             out += &builds::of_scene(&args, &scene.name, &geometry, reps)?;
         }
@@ -155,8 +155,7 @@ fn main() -> Result<()> {
 }
 
 /// A scene that has triangles; says so where the machine is busy.
-fn scene(args: &Args, name: &str) -> Result<Scene> {
-    let machine = Machine::now();
+fn scene(args: &Args, name: &str, machine: &Machine) -> Result<Scene> {
     if machine.is_busy() {
         eprintln!(
             "the machine is busy (load {:.1}): the times mean little",
@@ -177,7 +176,7 @@ fn scene(args: &Args, name: &str) -> Result<Scene> {
 /// Measures all contenders on a scene.
 fn of_scene(args: &Args, name: &str) -> Result<Vec<Row>> {
     let machine = Machine::now();
-    let scene = scene(args, name)?;
+    let scene = scene(args, name, &machine)?;
     let geometry = Geometry::of(&scene.mesh);
 
     let kinds = args

@@ -180,8 +180,10 @@ fn times(cells: PathBuf) -> BTreeMap<PathBuf, SystemTime> {
         .map(|entry| entry.path())
         .filter(|path| path.extension().is_some_and(|e| e == "json"))
         .filter(|path| !path.file_name().unwrap().to_string_lossy().starts_with('.'))
-        .map(|path| (fs::metadata(&path).unwrap().modified().unwrap(), path))
-        .map(|(time, path)| (path, time))
+        .map(|path| {
+            let written = fs::metadata(&path).unwrap().modified().unwrap();
+            (path, written)
+        })
         .collect()
 }
 

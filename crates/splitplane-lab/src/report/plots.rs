@@ -9,7 +9,7 @@ use super::measures::Measure;
 use super::plot::{Kind, Plot, PlotPoint, Series, colour, step};
 use crate::published::Curve;
 use crate::run::Run;
-use crate::stats::estimate;
+use crate::stats::{Estimate, estimate};
 
 /// The largest leaf, and the greatest depth, that curves go to.
 const MOST_TRIANGLES: u32 = 20;
@@ -96,22 +96,9 @@ pub(crate) fn over_sizes(groups: &[Group]) -> Vec<Plot> {
                 let Some(time) = estimate(times) else {
                     continue;
                 };
-                let at = PlotPoint {
-                    x: n.log10(),
-                    y: time.median,
-                    low: time.interval.0,
-                    high: time.interval.1,
-                };
                 let name = point.tree.to_string();
-                match series.iter_mut().find(|series| series.name == name) {
-                    Some(series) => series.points.push(at),
-                    None => series.push(Series {
-                        name,
-                        colour: colour(point.tree.spec),
-                        published: false,
-                        points: vec![at],
-                    }),
-                }
+                let at = estimated(n.log10(), &time);
+                add(&mut series, &name, point.tree, false, at);
             }
             let (of, key) = match conditions.as_str() {
                 "" => (name.clone(), name),
@@ -160,13 +147,16 @@ fn y_label(measure: &Measure, group: &Group) -> String {
 }
 
 fn plot_point(x: f64, told: &Told) -> Option<PlotPoint> {
-    let percent = told.percent?;
-    Some(PlotPoint {
+    Some(estimated(x, &told.percent?))
+}
+
+fn estimated(x: f64, y: &Estimate) -> PlotPoint {
+    PlotPoint {
         x,
-        y: percent.median,
-        low: percent.interval.0,
-        high: percent.interval.1,
-    })
+        y: y.median,
+        low: y.interval.0,
+        high: y.interval.1,
+    }
 }
 
 fn exact(x: f64, y: f64) -> PlotPoint {
@@ -178,23 +168,28 @@ fn exact(x: f64, y: f64) -> PlotPoint {
     }
 }
 
+/// Puts a point on the line of this name, in the colour of the tree.
+fn add(series: &mut Vec<Series>, name: &str, tree: TreeChoice, published: bool, at: PlotPoint) {
+    let found = series
+        .iter_mut()
+        .find(|series| series.name == name && series.published == published);
+    match found {
+        Some(series) => series.points.push(at),
+        None => series.push(Series {
+            name: name.to_owned(),
+            colour: colour(tree.spec),
+            published,
+            points: vec![at],
+        }),
+    }
+}
+
 /// A measure over the number of directions, a line for each tree.
 fn over_k(group: &Group, measure: &Measure) -> Option<Plot> {
     let mut series: Vec<Series> = Vec::new();
     let mut add = |point: &Point, published: bool, at: PlotPoint| {
         let name = point.tree.spec.name;
-        let found = series
-            .iter_mut()
-            .find(|series| series.name == name && series.published == published);
-        match found {
-            Some(series) => series.points.push(at),
-            None => series.push(Series {
-                name: name.to_owned(),
-                colour: colour(point.tree.spec),
-                published,
-                points: vec![at],
-            }),
-        }
+        add(&mut series, name, point.tree, published, at);
     };
     for point in &group.points {
         let Some(k) = point.tree.direction_count else {

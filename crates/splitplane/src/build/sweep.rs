@@ -185,8 +185,8 @@ impl Histogram {
     }
 
     /// From the first to the last bin that a plane may matter in, by bounds, and the bin with the
-    /// least; `None` if there is none. In a bin, at least those triangles are below that end of before it starts, and those
-    /// above that begin after it ends.
+    /// least; `None` if there is none. In a bin, at least those triangles are below that end before
+    /// it starts, and those above that begin after it ends.
     fn that_matter(&self, search: &Search) -> Option<(Bins, usize)> {
         let (mut first, mut last, mut promising) = (BINS, 0, 0);
         let mut least = f64::INFINITY;

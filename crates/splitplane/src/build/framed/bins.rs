@@ -1,8 +1,9 @@
 //! A node's references in bins, and what a division within a bin costs at least.
 //!
-//! Sides only grow as a division moves towards them. So no division in a bin costs less than one
-//! that has all below the bin on the one side and all above it on the other, and where that is no
-//! less than a cost that has been found, its references need not be sorted.
+//! As a division moves up, what lies below it only grows and what lies above only shrinks. So no
+//! division in a bin costs less than one that has what lies below the bin on the one side and what
+//! lies above it on the other; where that is no less than a cost that has been found, the bin's
+//! references need not be sorted.
 
 use super::Bounds;
 use super::split::{Search, Side, Way, ways};

@@ -213,7 +213,7 @@ impl<'a> Search<'a> {
         let Events { starts, ends } = &scratch.events;
         let (mut starts, mut ends) = (&starts[..], &ends[..]);
         for at in (0..BINS).filter(|&at| wanted[at]) {
-            let split = |keys: &'_ [u64]| keys.partition_point(|&key| bin(value(key)) <= at);
+            let split = |keys: &[u64]| keys.partition_point(|&key| bin(value(key)) <= at);
             let (s, e) = (split(starts), split(ends));
             let here = (&starts[..s], &ends[..e]);
             self.sweep(row.way, here, &row.around[at], &mut scratch.suffix);
