@@ -3,6 +3,9 @@
 use super::Ray;
 use crate::query::Hit;
 
+/// The axes that become x, y and z, by the one that becomes z.
+const AXES: [[usize; 3]; 3] = [[1, 2, 0], [2, 0, 1], [0, 1, 2]];
+
 /// What of the test depends on the ray alone: a shear that turns the ray into the z axis.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shear {
@@ -19,31 +22,27 @@ impl Shear {
     #[inline(always)]
     pub(crate) fn of(ray: &Ray) -> Self {
         let d = ray.direction;
-        let magnitude = [d[0].abs(), d[1].abs(), d[2].abs()];
-        let kz = if magnitude[0] > magnitude[1] && magnitude[0] > magnitude[2] {
-            0
-        } else if magnitude[1] > magnitude[2] {
-            1
-        } else {
-            2
-        };
-        let (kx, ky) = ((kz + 1) % 3, (kz + 2) % 3);
+        let [x, y, z] = d.map(f32::abs);
+        // Without branches: rays go anywhere, so which one would be taken is hard to foresee.
+        let beyond_x = 2 - usize::from(y > z);
+        let kz = beyond_x * usize::from(!((x > y) & (x > z)));
+        let axes @ [kx, ky, kz] = AXES[kz];
         Shear {
-            axes: [kx, ky, kz],
+            axes,
             to_origin: [-ray.origin[kx], -ray.origin[ky], -ray.origin[kz]],
             shear: [d[kx] / d[kz], d[ky] / d[kz], 1.0 / d[kz]],
             along: d[kz],
         }
     }
 
-    /// A point as the ray sees it: beside the ray along x and y, and z along it.
+    /// Points as the ray sees them, beside the ray along x and y, and z along it, of their
+    /// coordinates along its axes. Rows of an axis, for each of three points.
     #[inline(always)]
-    pub(crate) fn apply(&self, p: [f32; 3]) -> [f32; 3] {
-        let [kx, ky, kz] = self.axes;
+    fn apply(&self, [x, y, z]: [[f32; 3]; 3]) -> [[f32; 3]; 3] {
         let [sx, sy, _] = self.shear;
         let [ox, oy, oz] = self.to_origin;
-        let z = p[kz] + oz;
-        [(p[kx] + ox) - sx * z, (p[ky] + oy) - sy * z, z]
+        let z = [z[0] + oz, z[1] + oz, z[2] + oz];
+        [beside(x, ox, sx, z), beside(y, oy, sy, z), z]
     }
 
     /// Where the ray's line meets the triangle of these corners, whatever the ray's interval;
@@ -58,23 +57,21 @@ impl Shear {
     /// its vertices, and a traversal that relies on t would then end too early.
     #[inline(always)]
     pub(crate) fn meet(&self, corners: &[[f32; 3]; 3], triangle: u32) -> Option<Hit> {
-        let [[ax, ay, _], [bx, by, _], [cx, cy, _]] = corners.map(|p| self.apply(p));
+        let along = self.axes.map(|axis| corners.map(|p| p[axis]));
+        let [[ax, bx, cx], [ay, by, cy], _] = self.apply(along);
         let (u, v, w) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
         if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
             return None;
         }
-        self.meet_exactly(corners, triangle)
+        self.meet_exactly(along, triangle)
     }
 
-    /// The same, for a triangle that the f32 edge functions do not refuse.
+    /// The same, for a triangle that the f32 edge functions do not refuse; of its corners the
+    /// coordinates along the axes of the shear, rows of an axis.
     #[inline(always)]
-    pub(crate) fn meet_exactly(&self, corners: &[[f32; 3]; 3], triangle: u32) -> Option<Hit> {
-        let [a, b, c] = *corners;
-        let [ax, ay, az] = self.apply(a);
-        let [bx, by, bz] = self.apply(b);
-        let [cx, cy, cz] = self.apply(c);
-        let wide = |x: f32| f64::from(x);
-        let (ax, ay, bx, by, cx, cy) = (wide(ax), wide(ay), wide(bx), wide(by), wide(cx), wide(cy));
+    pub(crate) fn meet_exactly(&self, along: [[f32; 3]; 3], triangle: u32) -> Option<Hit> {
+        let [x, y, z] = self.apply(along);
+        let ([ax, bx, cx], [ay, by, cy], [az, bz, cz]) = (wide(x), wide(y), wide(z));
         let u = cx * by - cy * bx;
         let v = ax * cy - ay * cx;
         let w = bx * ay - by * ax;
@@ -88,14 +85,29 @@ impl Shear {
         if determinant == 0.0 || determinant.is_nan() {
             return None;
         }
-        let depth = u * wide(az) + v * wide(bz) + w * wide(cz);
+        let depth = u * az + v * bz + w * cz;
         Some(Hit {
-            t: (depth * wide(self.shear[2]) / determinant) as f32,
+            t: (depth * f64::from(self.shear[2]) / determinant) as f32,
             u: (v / determinant) as f32,
             v: (w / determinant) as f32,
             triangle,
         })
     }
+}
+
+/// Where points are beside the ray along an axis, from where they are along the ray.
+#[inline(always)]
+fn beside(along: [f32; 3], to_origin: f32, shear: f32, z: [f32; 3]) -> [f32; 3] {
+    [
+        (along[0] + to_origin) - shear * z[0],
+        (along[1] + to_origin) - shear * z[1],
+        (along[2] + to_origin) - shear * z[2],
+    ]
+}
+
+#[inline(always)]
+fn wide([a, b, c]: [f32; 3]) -> [f64; 3] {
+    [f64::from(a), f64::from(b), f64::from(c)]
 }
 
 /// Whether the plane of the triangle of these corners is met beyond the ray's `t_min`.

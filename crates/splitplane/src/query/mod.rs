@@ -158,7 +158,7 @@ impl<'r> Aim<'r> {
         let hit = triangle.meet(self.shear())?;
         let is_met = hit.t > self.ray.t_min
             && wanted(hit.t)
-            && plane_is_beyond(self.ray, &triangle.corners());
+            && (triangle.is_surely_beyond() || plane_is_beyond(self.ray, &triangle.corners()));
         is_met.then_some(hit)
     }
 }
@@ -305,6 +305,7 @@ impl<A: Accept> Search for Any<'_, A> {
 /// No triangle has this index: see [`Mesh::MAX_COUNT`].
 const NONE: u32 = u32::MAX;
 
+#[inline(always)]
 pub(crate) fn closest_hit(
     tree: &Tree,
     ray: &Ray,
@@ -316,6 +317,7 @@ pub(crate) fn closest_hit(
     search.found()
 }
 
+#[inline(always)]
 pub(crate) fn any_hit(
     tree: &Tree,
     ray: &Ray,
@@ -327,11 +329,13 @@ pub(crate) fn any_hit(
     search.found
 }
 
+#[inline(always)]
 fn run(tree: &Tree, ray: &Ray, search: &mut impl Search, counters: &mut impl Counters) {
     run_in(tree, tree.place(), ray, search, counters);
 }
 
 /// The same, with other margins than the tree's own.
+#[inline(always)]
 pub(crate) fn run_in(
     tree: &Tree,
     place: &Place,
@@ -339,9 +343,6 @@ pub(crate) fn run_in(
     search: &mut impl Search,
     counters: &mut impl Counters,
 ) {
-    if !ray.is_valid() {
-        return;
-    }
     match tree.wide() {
         Some(wide) => wide::traverse(wide, ray, search, counters),
         None => run_binary(tree, place, ray, search, counters),
@@ -357,7 +358,7 @@ fn run_binary(
     search: &mut impl Search,
     counters: &mut impl Counters,
 ) {
-    if !place.bounds.is_empty() {
+    if ray.is_valid() && !place.bounds.is_empty() {
         with_nodes!(tree, nodes => traverse(nodes, tree, place, ray, search, counters));
     }
 }

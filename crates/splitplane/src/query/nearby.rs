@@ -311,7 +311,7 @@ fn approach_wide<S: Search>(
             Child::Leaf { start, count } => {
                 counters.leaf_visit(count as u32);
                 counters.triangle_tests(count as u32);
-                for &index in &wide.triangles[start..start + count] {
+                for &index in wide.triangles(start, count) {
                     if search.test(&OfMesh { mesh, index }).is_break() {
                         return;
                     }

@@ -44,6 +44,11 @@ pub(crate) trait Triangle {
     fn corners(&self) -> [[f32; 3]; 3];
     /// Where the ray's line meets it.
     fn meet(&self, shear: &Shear) -> Option<Hit>;
+    /// Whether [`plane_is_beyond`](crate::geometry::triangle::plane_is_beyond) is known to be so.
+    #[inline(always)]
+    fn is_surely_beyond(&self) -> bool {
+        false
+    }
 }
 
 /// A triangle as the mesh has it.

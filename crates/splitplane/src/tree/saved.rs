@@ -29,7 +29,7 @@ use crate::whole::write_whole;
 const MAGIC: [u8; 8] = *b"\x89SPT\r\n\x1a\n";
 
 /// Grows whenever what a file holds, or what that means, changes.
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 const SUM: u64 = 32;
 
@@ -146,8 +146,7 @@ impl Tree {
                 }])?;
                 out.list(&wide.frames)?;
                 out.list(&wide.nodes)?;
-                out.list(&wide.corners)?;
-                out.list(&wide.triangles)?;
+                out.list(&wide.leaves)?;
                 pass_card(&mut out, &mut card.clone())?;
             }
         }
@@ -287,8 +286,7 @@ impl Content {
                 let wide = Wide {
                     frames: input.list()?,
                     nodes: input.list()?,
-                    corners: input.list()?,
-                    triangles: input.list()?,
+                    leaves: input.list()?,
                     center,
                     half_extent,
                 };

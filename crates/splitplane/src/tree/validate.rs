@@ -1,7 +1,7 @@
 use glam::DVec3;
 
 use super::nodes::{Layout, View};
-use super::wide::{Child, MAX_DEPTH, MAX_FRAMES, WIDTH, Wide};
+use super::wide::{Child, LEAF_ROWS, MAX_DEPTH, MAX_FRAMES, WIDTH, Wide};
 use super::{Tree, with_nodes};
 use crate::build::BuildParams;
 use crate::geometry::Frame;
@@ -124,8 +124,9 @@ impl Tree {
     fn check_wide(&self, wide: &Wide) -> Result<(), ValidateError> {
         let broken = |node, what| Err(ValidateError::Structure { node, what });
         let hittable = self.hittable();
-        if wide.corners.len() != 9 * wide.triangles.len() + WIDTH {
-            return broken(0, "has leaves without corners");
+        let rows = wide.leaves.len().checked_sub(WIDTH);
+        if !rows.is_some_and(|rows| rows.is_multiple_of(LEAF_ROWS)) {
+            return broken(0, "has leaves that are cut short");
         }
         if wide.frames.is_empty() || wide.frames.len() > MAX_FRAMES {
             return broken(0, "has no frame, or too many");
@@ -136,13 +137,6 @@ impl Tree {
         }
         if (wide.center, wide.half_extent) != Wide::scale(&self.bounds()) {
             return broken(0, "is not where the scene is");
-        }
-        if !wide
-            .triangles
-            .iter()
-            .all(|&i| hittable.get(i as usize) == Some(&true))
-        {
-            return broken(0, "lists a triangle that cannot be hit");
         }
         let mut seen = vec![false; wide.nodes.len()];
         let mut pending = vec![(0, 1)];
@@ -172,8 +166,12 @@ impl Tree {
                 match node.children[slot].child() {
                     Child::Node(child) => pending.push((child, depth + 1)),
                     Child::Leaf { start, count } => {
-                        if start + count > wide.triangles.len() {
+                        if start + count > wide.references() {
                             return broken(at, "has references that do not exist");
+                        }
+                        let mut triangles = wide.triangles(start, count).iter();
+                        if !triangles.all(|&i| hittable.get(i as usize) == Some(&true)) {
+                            return broken(at, "lists a triangle that cannot be hit");
                         }
                     }
                 }
@@ -233,7 +231,7 @@ impl Tree {
                     Child::Node(child) => pending.push((child, depth + 1, Some((at, slot)))),
                     Child::Leaf { start, count } => {
                         let boxes = || path.iter().copied().chain([(at, slot)]);
-                        cover.leaf(&wide.triangles[start..][..count], |p| {
+                        cover.leaf(wide.triangles(start, count), |p| {
                             boxes().all(|(node, slot)| wide.nodes[node].holds(slot, p, wide))
                         });
                     }

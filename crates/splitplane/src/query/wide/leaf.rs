@@ -8,7 +8,7 @@ use crate::geometry::triangle::Shear;
 use crate::query::Hit;
 use crate::query::simd::Lanes;
 use crate::query::traverse::{Search, Triangle};
-use crate::tree::wide::{WIDTH, Wide};
+use crate::tree::wide::{LEAF_ROWS, WIDTH, Wide};
 
 /// What rounding may do to t in [`Depths`], in units of ε/2 times a bound of all
 /// products.
@@ -33,66 +33,98 @@ const SURE_ERROR: f32 = 320.0 * 0.5 * f32::EPSILON;
 /// are not numbers.
 const FURTHEST: f32 = 1e15;
 
-/// The corners of the triangles of a leaf, as in [`Wide::corners`].
+/// The triangles of a leaf, as in [`Wide::leaves`].
 #[derive(Clone, Copy)]
 struct Rows<'a> {
-    /// Nine rows of `count`, and eight numbers more.
-    values: &'a [f32],
+    /// Ten rows of `count`, and eight numbers more.
+    values: &'a [u32],
     count: usize,
 }
 
 impl<'a> Rows<'a> {
     #[inline(always)]
     fn new(wide: &'a Wide, start: usize, count: usize) -> Self {
-        let rows = 9 * start..9 * (start + count) + WIDTH;
-        debug_assert!(rows.end <= wide.corners.len());
+        let rows = LEAF_ROWS * start..LEAF_ROWS * (start + count) + WIDTH;
+        debug_assert!(rows.end <= wide.leaves.len());
         Rows {
             // SAFETY: the links of a tree name triangles that are there, of each of which there are
-            // nine numbers, and eight more at the end: `store` writes them so, and `check_wide`
+            // ten numbers, and eight more at the end: `store` writes them so, and `check_wide`
             // refuses a tree from a file that is otherwise.
-            values: unsafe { wide.corners.get_unchecked(rows) },
+            values: unsafe { wide.leaves.get_unchecked(rows) },
             count,
         }
     }
 
-    /// The rows of an axis, one for each corner, each with what follows it.
+    /// The coordinates of the corners along these axes, for all triangles: rows of an axis, one for
+    /// each corner.
     #[inline(always)]
-    fn along(&self, axis: usize) -> [&[f32; WIDTH]; 3] {
-        let at = axis * self.count;
-        debug_assert!(axis < 3 && at + 6 * self.count + WIDTH <= self.values.len());
-        let row = |corner: usize| {
-            // SAFETY: corners and axes are below 3, and behind each of nine rows there are eight
-            // numbers.
-            unsafe {
-                &*(self.values.as_ptr())
-                    .add(at + 3 * corner * self.count)
-                    .cast()
-            }
-        };
-        [row(0), row(1), row(2)]
+    fn along<L: Lanes>(&self, [kx, ky, kz]: [usize; 3]) -> [[L; 3]; 3] {
+        [self.row(kx), self.row(ky), self.row(kz)]
     }
 
-    /// The rows of three axes.
     #[inline(always)]
-    fn along_axes<L: Lanes>(&self, [kx, ky, kz]: [usize; 3]) -> [[L; 3]; 3] {
-        let ([x0, x1, x2], [y0, y1, y2]) = (self.along(kx), self.along(ky));
-        let [z0, z1, z2] = self.along(kz);
+    fn row<L: Lanes>(&self, axis: usize) -> [L; 3] {
+        let at = axis * self.count;
+        debug_assert!(axis < 3 && at + 6 * self.count + WIDTH <= self.values.len());
+        // SAFETY: corners and axes are below 3, and behind each of ten rows there are eight
+        // numbers; all bits are some f32.
+        unsafe {
+            let first = self.values.as_ptr().add(at);
+            [
+                L::load(&*first.cast()),
+                L::load(&*first.add(3 * self.count).cast()),
+                L::load(&*first.add(6 * self.count).cast()),
+            ]
+        }
+    }
+
+    /// The same for one triangle.
+    #[inline(always)]
+    fn along_of(&self, [kx, ky, kz]: [usize; 3], slot: usize) -> [[f32; 3]; 3] {
+        let corner = 3 * self.count;
+        let [x, y, z] = [
+            kx * self.count + slot,
+            ky * self.count + slot,
+            kz * self.count + slot,
+        ];
         [
-            [L::load(x0), L::load(x1), L::load(x2)],
-            [L::load(y0), L::load(y1), L::load(y2)],
-            [L::load(z0), L::load(z1), L::load(z2)],
+            self.three(x, corner),
+            self.three(y, corner),
+            self.three(z, corner),
         ]
     }
 
     #[inline(always)]
     fn corners(&self, slot: usize) -> [[f32; 3]; 3] {
-        debug_assert!(slot < self.count);
-        let mut corners = [[0.0; 3]; 3];
-        for (row, value) in corners.as_flattened_mut().iter_mut().enumerate() {
-            // SAFETY: there are nine rows of `count`, and the slot is one of a triangle.
-            *value = unsafe { *self.values.get_unchecked(row * self.count + slot) };
-        }
-        corners
+        let axis = self.count;
+        [
+            self.three(slot, axis),
+            self.three(slot + 3 * axis, axis),
+            self.three(slot + 6 * axis, axis),
+        ]
+    }
+
+    /// Three coordinates, from the first on by this step.
+    #[inline(always)]
+    fn three(&self, first: usize, step: usize) -> [f32; 3] {
+        [
+            f32::from_bits(self.value(first)),
+            f32::from_bits(self.value(first + step)),
+            f32::from_bits(self.value(first + 2 * step)),
+        ]
+    }
+
+    /// The index in the mesh.
+    #[inline(always)]
+    fn triangle(&self, slot: usize) -> u32 {
+        self.value((LEAF_ROWS - 1) * self.count + slot)
+    }
+
+    #[inline(always)]
+    fn value(&self, at: usize) -> u32 {
+        debug_assert!(at < LEAF_ROWS * self.count);
+        // SAFETY: there are ten rows of `count`; axes are below 3 and slots below `count`.
+        unsafe { *self.values.get_unchecked(at) }
     }
 }
 
@@ -299,18 +331,17 @@ impl<L: Lanes> Limit<L> {
     }
 }
 
-/// A triangle of a leaf that the f32 edge functions do not refuse.
+/// A triangle of a leaf, by its place there, that the f32 edge functions do not refuse.
 struct InLeaf<'a> {
-    index: u32,
-    /// Its place in the leaf.
     slot: usize,
     rows: Rows<'a>,
+    is_surely_beyond: bool,
 }
 
 impl Triangle for InLeaf<'_> {
     #[inline(always)]
     fn index(&self) -> u32 {
-        self.index
+        self.rows.triangle(self.slot)
     }
 
     #[inline(always)]
@@ -320,7 +351,12 @@ impl Triangle for InLeaf<'_> {
 
     #[inline(always)]
     fn meet(&self, shear: &Shear) -> Option<Hit> {
-        shear.meet_exactly(&self.corners(), self.index)
+        shear.meet_exactly(self.rows.along_of(shear.axes, self.slot), self.index())
+    }
+
+    #[inline(always)]
+    fn is_surely_beyond(&self) -> bool {
+        self.is_surely_beyond
     }
 }
 
@@ -334,20 +370,20 @@ pub(super) fn visit<L: Lanes, S: Search>(
     search: &mut S,
 ) -> ControlFlow<(), bool> {
     let rows = Rows::new(wide, start, count);
-    let in_leaf = |slot: usize| InLeaf {
-        index: wide.triangles[start + slot],
+    let in_leaf = |slot: usize, beyond: u32| InLeaf {
         slot,
         rows,
+        is_surely_beyond: beyond >> slot & 1 == 1,
     };
     let t_max = search.limit_above();
     let Some(shear) = search.shear() else {
         for slot in 0..count {
-            search.test(&in_leaf(slot))?;
+            search.test(&in_leaf(slot, 0))?;
         }
         return ControlFlow::Continue(true);
     };
     let sight = Sight::<L>::splat(shear);
-    let block = Block::new(&sight, rows.along_axes(shear.axes));
+    let block = Block::new(&sight, rows.along(shear.axes));
     let mut candidates = block.met() & ((1 << count) - 1);
     if candidates == 0 {
         return ControlFlow::Continue(false);
@@ -371,12 +407,13 @@ pub(super) fn visit<L: Lanes, S: Search>(
     if candidates == 0 {
         return ControlFlow::Continue(false);
     }
+    let after = depths.surely_after(low, reach);
     loop {
         let slot = match S::NEAREST_FIRST {
             true => depths.first(candidates),
             false => candidates.trailing_zeros() as usize,
         };
-        search.test(&in_leaf(slot))?;
+        search.test(&in_leaf(slot, after))?;
         candidates &= !(1 << slot);
         if candidates == 0 {
             return ControlFlow::Continue(true);
@@ -404,18 +441,8 @@ pub(super) fn visit_group<L: Lanes, S: Search>(
 ) {
     let rows = Rows::new(wide, start, count);
     for slot in 0..count {
-        let triangle = InLeaf {
-            index: wide.triangles[start + slot],
-            slot,
-            rows,
-        };
-        let [a, b, c] = rows.corners(slot);
-        let [kx, ky, kz] = sights.axes;
-        let corners = [
-            splats([a[kx], b[kx], c[kx]]),
-            splats([a[ky], b[ky], c[ky]]),
-            splats([a[kz], b[kz], c[kz]]),
-        ];
+        let [x, y, z] = rows.along_of(sights.axes, slot);
+        let corners = [splats(x), splats(y), splats(z)];
         for (part, sight) in sights.parts.iter().enumerate() {
             let first = WIDTH * part;
             let rays = active >> first & 0xff;
@@ -447,11 +474,17 @@ pub(super) fn visit_group<L: Lanes, S: Search>(
                 }
             }
             candidates &= !(depths.before(low) | depths.beyond(high));
+            let after = depths.surely_after(low, group.reach);
             while candidates != 0 {
-                let ray = first + candidates.trailing_zeros() as usize;
+                let lane = candidates.trailing_zeros() as usize;
                 candidates &= candidates - 1;
-                if group.test(ray, &triangle).is_break() {
-                    active &= !(1 << ray);
+                let triangle = InLeaf {
+                    slot,
+                    rows,
+                    is_surely_beyond: after >> lane & 1 == 1,
+                };
+                if group.test(first + lane, &triangle).is_break() {
+                    active &= !(1 << (first + lane));
                 }
             }
         }

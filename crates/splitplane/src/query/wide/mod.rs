@@ -50,13 +50,26 @@ impl<S: Search, C: Counters> Task for Walk<'_, S, C> {
             counters,
         } = self;
         let mut space = Space::NEW;
-        let mut cursor = Cursor::<L>::new(wide, ray, search, &mut space);
+        walk::<L, S>(wide, ray, search, counters, &mut space);
+    }
+}
+
+#[inline(always)]
+fn walk<L: Lanes, S: Search>(
+    wide: &Wide,
+    ray: &Ray,
+    search: &mut S,
+    counters: &mut impl Counters,
+    space: &mut Space<Link, FrameRay>,
+) {
+    if ray.is_valid() {
+        let mut cursor = Cursor::<L>::new(wide, ray, search, space);
         while cursor.step(wide, search, counters) {}
     }
 }
 
 /// Visits what the ray meets, until the search has its answer.
-#[inline]
+#[inline(always)]
 pub(super) fn traverse<S: Search, C: Counters>(
     wide: &Wide,
     ray: &Ray,
@@ -66,7 +79,7 @@ pub(super) fn traverse<S: Search, C: Counters>(
     traverse_with(Instructions::best(), wide, ray, search, counters);
 }
 
-#[inline]
+#[inline(always)]
 fn traverse_with<S: Search, C: Counters>(
     instructions: Instructions,
     wide: &Wide,
@@ -114,10 +127,7 @@ impl<Q: Question> Task for Batch<'_, Q> {
             }
             for (ray, answer) in rays.iter().zip(answers) {
                 let mut search = Q::search(ray);
-                if ray.is_valid() {
-                    let mut cursor = Cursor::<L>::new(wide, ray, &search, &mut space);
-                    while cursor.step(wide, &mut search, &mut ()) {}
-                }
+                walk::<L, _>(wide, ray, &mut search, &mut (), &mut space);
                 *answer = Q::answer(&search);
             }
         }
@@ -352,7 +362,7 @@ mod tests {
                 for spread in [0.02 * spread, spread] {
                     let rays = rays(spread);
                     let mut together = vec![None; rays.len()];
-                    for instructions in [Instructions::Portable, Instructions::best()] {
+                    for instructions in Instructions::available() {
                         for coherence in [Coherence::Coherent, Coherence::Unknown] {
                             traverse_all_with::<ClosestHit>(
                                 instructions, wide, &rays, &mut together, coherence,
@@ -371,9 +381,10 @@ mod tests {
                         traverse_with(instructions, wide, &ray, &mut any, &mut ());
                         (closest.found(), any.found)
                     };
-                    prop_assert_eq!(ask(Instructions::Portable), ask(Instructions::best()));
-                    let hit = ask(Instructions::Portable).0;
-                    prop_assert_eq!(hit, crate::brute_force(&mesh, &ray));
+                    let hit = crate::brute_force(&mesh, &ray);
+                    for instructions in Instructions::available() {
+                        prop_assert_eq!(ask(instructions), (hit, hit.is_some()));
+                    }
                 }
             }
         }

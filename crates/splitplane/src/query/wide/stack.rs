@@ -127,12 +127,10 @@ impl<P: Place> Stack<'_, P> {
         }
         if S::NEAREST_FIRST {
             let near = near.to_array();
-            let mut best = Entry::new(&near, (index, node), first);
-            let mut other = Entry::new(&near, (index, node), others.trailing_zeros() as usize);
+            let best = Entry::new(&near, (index, node), first);
+            let other = Entry::new(&near, (index, node), others.trailing_zeros() as usize);
             others &= others - 1;
-            if other.near < best.near {
-                std::mem::swap(&mut other, &mut best);
-            }
+            let (mut best, other) = Entry::in_order(best, other);
             let bottom = self.depth;
             self.push::<L>(wide, other);
             while others != 0 {
@@ -241,6 +239,16 @@ impl<P: Place> Stack<'_, P> {
 }
 
 impl<P: Place> Entry<P> {
+    /// The nearer one first. Without a branch: which one that is is hard to foresee.
+    #[inline(always)]
+    fn in_order(a: Self, b: Self) -> (Self, Self) {
+        let swap = b.near < a.near;
+        (
+            std::hint::select_unpredictable(swap, b, a),
+            std::hint::select_unpredictable(swap, a, b),
+        )
+    }
+
     #[inline(always)]
     fn new(near: &[f32; WIDTH], (index, node): (usize, &WideNode), slot: usize) -> Self {
         Entry {

@@ -39,6 +39,9 @@ pub(crate) struct WideNode {
 
 const _: () = assert!(size_of::<WideNode>() == 256);
 
+/// Rows of a leaf: the coordinates of three corners, and an index.
+pub(crate) const LEAF_ROWS: usize = 10;
+
 /// A child: a node by its index, or a leaf's triangles by where they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Pod, Zeroable)]
 #[repr(transparent)]
@@ -89,11 +92,10 @@ impl Link {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Wide {
     pub(crate) nodes: Vec<WideNode>,
-    /// Nine rows a leaf, x, y and z of the three corners of its triangles; as long as the leaf has
-    /// triangles. Padded so that eight numbers can be read from the start of every row.
-    pub(crate) corners: Vec<f32>,
-    /// The triangles of the leaves, in the same order.
-    pub(crate) triangles: Vec<u32>,
+    /// Ten rows a leaf, as long as the leaf has triangles: the bits of x, y and z of their three
+    /// corners, then their indices. Padded so that eight numbers can be read from the start of
+    /// every row.
+    pub(crate) leaves: Vec<u32>,
     /// The frames of the nodes, the world's first.
     pub(crate) frames: Vec<Frame>,
     /// The centre of the scene, which boxes are relative to.
@@ -171,7 +173,7 @@ impl Wide {
         WideCard {
             nodes: self.nodes.len() as u64,
             leaves,
-            references: self.triangles.len() as u64,
+            references: self.references() as u64,
             depth: deepest,
             frames,
         }
@@ -183,10 +185,21 @@ impl Wide {
         let node = (self.nodes.as_ptr().cast::<u8>())
             .wrapping_byte_add(link.0 as usize * size_of::<WideNode>());
         let start = link.0 as usize & Link::MAX_START;
-        let leaf =
-            (self.corners.as_ptr().cast::<u8>()).wrapping_byte_add(start * 9 * size_of::<f32>());
+        let leaf = (self.leaves.as_ptr().cast::<u8>())
+            .wrapping_byte_add(start * LEAF_ROWS * size_of::<u32>());
         // Not a branch: what is next is hard to foresee.
         std::hint::select_unpredictable(link.0 & Link::LEAF == 0, node, leaf)
+    }
+
+    /// How many triangles the leaves have, together.
+    pub(crate) fn references(&self) -> usize {
+        (self.leaves.len() - WIDTH) / LEAF_ROWS
+    }
+
+    /// The triangles of a leaf.
+    #[inline(always)]
+    pub(crate) fn triangles(&self, start: usize, count: usize) -> &[u32] {
+        &self.leaves[LEAF_ROWS * start..][(LEAF_ROWS - 1) * count..][..count]
     }
 
     /// The different triangles of a child and all below it, in order.
@@ -199,7 +212,7 @@ impl Wide {
                     pending.extend(self.nodes[at].present().map(|(_, child)| child));
                 }
                 Child::Leaf { start, count } => {
-                    triangles.extend_from_slice(&self.triangles[start..][..count]);
+                    triangles.extend_from_slice(self.triangles(start, count));
                 }
             }
         }
@@ -209,9 +222,7 @@ impl Wide {
     }
 
     pub(crate) fn bytes(&self) -> usize {
-        size_of_val(self.nodes.as_slice())
-            + size_of_val(self.corners.as_slice())
-            + size_of_val(self.triangles.as_slice())
+        size_of_val(self.nodes.as_slice()) + size_of_val(self.leaves.as_slice())
     }
 }
 

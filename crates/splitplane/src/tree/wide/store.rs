@@ -1,7 +1,7 @@
 //! Writes wide nodes and leaves.
 
 use super::collapse::{Item, Items};
-use super::{Link, WIDTH, Wide, WideNode};
+use super::{LEAF_ROWS, Link, WIDTH, Wide, WideNode};
 use crate::build::BuildError;
 use crate::geometry::frame::{round_down, round_up};
 use crate::geometry::{Aabb, Frame};
@@ -34,8 +34,7 @@ pub(super) fn store(tree: &Tree, items: &Items) -> Result<Wide, BuildError> {
     let (center, half_extent) = Wide::scale(&tree.bounds());
     let wide = Wide {
         nodes: Vec::new(),
-        corners: Vec::new(),
-        triangles: Vec::new(),
+        leaves: Vec::new(),
         frames: match shared.is_empty() {
             true => vec![Frame::IDENTITY],
             false => shared.clone(),
@@ -58,11 +57,10 @@ pub(super) fn store(tree: &Tree, items: &Items) -> Result<Wide, BuildError> {
         None => writer.node_of(&[], Frame::WORLD),
     };
     // Eight numbers are read from the start of every row.
-    writer.wide.corners.extend([0.0; WIDTH]);
+    writer.wide.leaves.extend([0; WIDTH]);
     let mut wide = writer.wide;
     wide.nodes.shrink_to_fit();
-    wide.corners.shrink_to_fit();
-    wide.triangles.shrink_to_fit();
+    wide.leaves.shrink_to_fit();
     Ok(wide)
 }
 
@@ -169,12 +167,12 @@ impl Writer<'_> {
             .iter()
             .map(|&triangle| self.tree.mesh().corners(triangle))
             .collect();
-        let start = self.wide.triangles.len();
-        self.wide.triangles.extend_from_slice(triangles);
+        let start = self.wide.leaves.len() / LEAF_ROWS;
         for row in 0..9 {
             let row = corners.iter().map(|corners| corners[row / 3][row % 3]);
-            self.wide.corners.extend(row);
+            self.wide.leaves.extend(row.map(f32::to_bits));
         }
+        self.wide.leaves.extend_from_slice(triangles);
         Link::leaf(start, count)
     }
 }
