@@ -23,6 +23,11 @@ run *arguments:
 doc:
     cargo doc --workspace --no-deps --open
 
+# How many instructions builds and queries take, held against those on record; needs valgrind.
+# `just instructions --record` records them.
+instructions *arguments:
+    cargo bench -p splitplane --bench instructions -- {{arguments}}
+
 # Our queries beside Embree's and others'; e.g. `just peers killeroo --contenders embree,wn+kd:6`.
 peers *arguments:
     cargo run --release --manifest-path crates/peers/Cargo.toml -- {{arguments}}

@@ -1,5 +1,5 @@
 //! Builds of trees over the scenes that ship with Splitplane, by criterion: `cargo bench`. For
-//! looking at, not for a gate; what a build does is counted exactly by a test of `build::grow`.
+//! looking at, not for a gate: that is `just instructions`.
 
 use criterion::{BatchSize, BenchmarkId, Criterion, criterion_group, criterion_main};
 use splitplane::{BuildParams, Layout, Tree, TreeChoice};
