@@ -200,9 +200,11 @@ pub fn ply(bytes: &[u8]) {
     read(&[("mesh.ply", bytes)]);
 }
 
-/// An OBJ file.
+/// An OBJ file, and from its first `newmtl` on a library of materials, `m`.
 pub fn obj(bytes: &[u8]) {
-    read(&[("mesh.obj", bytes)]);
+    let library = bytes.windows(6).position(|word| word == b"newmtl");
+    let (mesh, library) = bytes.split_at(library.unwrap_or(bytes.len()));
+    read(&[("mesh.obj", mesh), ("m", library)]);
 }
 
 /// An STL file.

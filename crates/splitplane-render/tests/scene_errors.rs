@@ -111,6 +111,37 @@ fn files_that_include_others_twice_do_not_grow_without_end() {
 }
 
 #[test]
+fn an_obj_that_names_what_is_not_there_is_refused_with_the_line() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bad.obj");
+    let vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvn 0 0 1\n";
+    for (face, message) in [
+        (
+            "f 1/-3 2/1 3/1",
+            ":6: texture coordinate -3, but only 1 come before it",
+        ),
+        (
+            "f 1//-9223372036854775808 2 3",
+            ":6: normal -9223372036854775808, but only",
+        ),
+        (
+            "f 1//9223372036854775807 2 3",
+            ":6: normal 9223372036854775807 of 1",
+        ),
+        ("f 1 2 -4", ":6: vertex -4, but only 3 come before it"),
+        ("f 1 2 0", ":6: vertex 0: they are counted from 1"),
+        ("f 1 2 4", ":6: vertex 4 of 3"),
+    ] {
+        std::fs::write(&path, format!("{vertices}{face}\n")).unwrap();
+        let error = read(&path).unwrap_err().to_string();
+        assert!(error.contains(message), "{face}: {error}");
+    }
+    // Those that say where they stand may come before what they name.
+    std::fs::write(&path, format!("f 1/1/1 2 3\n{vertices}")).unwrap();
+    assert_eq!(read(&path).unwrap().mesh.triangles().len(), 1);
+}
+
+#[test]
 fn an_unknown_name_lists_what_there_is() {
     let error = load("lorry", &LoadOptions::default())
         .unwrap_err()

@@ -166,8 +166,8 @@ fn obj_scene(file: &str, path: &Path, bytes: &[u8]) -> Result<Found, SceneError>
             continue;
         };
         let name = String::from_utf8_lossy(name.trim_ascii()).replace('\\', "/");
-        match tobj::load_mtl(folder.join(&name)) {
-            Ok((materials, _)) => {
+        match materials_of(&folder.join(&name)) {
+            Ok(materials) => {
                 library.extend(materials.into_iter().map(|m| (m.name.clone(), m)));
             }
             Err(error) => warn(
@@ -201,6 +201,30 @@ fn obj_scene(file: &str, path: &Path, bytes: &[u8]) -> Result<Found, SceneError>
         found.pieces.push(piece);
     }
     Ok(found)
+}
+
+/// The materials of an OBJ's library file. A colour may be given by its red alone, which is then its
+/// green and blue too; the crate that reads the rest knows only all three.
+fn materials_of(path: &Path) -> Result<Vec<tobj::Material>, String> {
+    let bytes = std::fs::read(path).map_err(|error| error.to_string())?;
+    let mut text = String::with_capacity(bytes.len());
+    for line in String::from_utf8_lossy(&bytes).lines() {
+        text.push_str(line);
+        let mut words = line.split_whitespace();
+        if matches!(words.next(), Some("Ka" | "Kd" | "Ks" | "Ke")) {
+            let given: Vec<&str> = words.take(3).collect();
+            let red = *given.first().ok_or("a colour without numbers")?;
+            for _ in given.len()..3 {
+                text.push(' ');
+                text.push_str(red);
+            }
+        }
+        text.push('\n');
+    }
+    match tobj::load_mtl_buf(&mut Cursor::new(text)) {
+        Ok((materials, _)) => Ok(materials),
+        Err(error) => Err(error.to_string()),
+    }
 }
 
 type Made = (Material, Option<AreaLight>, Option<TextureRef>);
@@ -305,8 +329,63 @@ pub(crate) struct ObjMesh {
     pub(crate) concave: usize,
 }
 
+/// Refuses faces that name a vertex, a texture coordinate or a normal that is not there, with the
+/// line. The crate that reads the file calculates with what they say, and may overflow.
+fn check_indices(name: &str, bytes: &[u8]) -> Result<(), SceneError> {
+    const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+    let refused = |line: usize, message: String| SceneError {
+        line: u32::try_from(line + 1).unwrap_or(0),
+        ..SceneError::file(name, message)
+    };
+    let mut counts = [0_i64; 3];
+    // The greatest index of each kind, which may stand before what it names.
+    let mut greatest = [(0_i64, 0_usize); 3];
+    for (number, line) in bytes.split(|&b| b == b'\n').enumerate() {
+        // The crate refuses what is not UTF-8.
+        let mut words = std::str::from_utf8(line)
+            .unwrap_or_default()
+            .split_whitespace();
+        match words.next() {
+            Some("v") => counts[0] += 1,
+            Some("vt") => counts[1] += 1,
+            Some("vn") => counts[2] += 1,
+            Some("f" | "l") => {
+                for (kind, index) in words.flat_map(|corner| corner.split('/').take(3).enumerate())
+                {
+                    let Ok(index) = index.parse::<i64>() else {
+                        continue;
+                    };
+                    if index == 0 {
+                        let message = format!("{} 0: they are counted from 1", KINDS[kind]);
+                        return Err(refused(number, message));
+                    }
+                    if index < 0 && index + counts[kind] < 0 {
+                        let message = format!(
+                            "{} {index}, but only {} come before it",
+                            KINDS[kind], counts[kind]
+                        );
+                        return Err(refused(number, message));
+                    }
+                    if index > greatest[kind].0 {
+                        greatest[kind] = (index, number);
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+    for ((kind, (index, number)), count) in KINDS.iter().zip(greatest).zip(counts) {
+        // Without any texture coordinates or normals, their indices say nothing.
+        if index > count && (count > 0 || *kind == KINDS[0]) {
+            return Err(refused(number, format!("{kind} {index} of {count}")));
+        }
+    }
+    Ok(())
+}
+
 /// Reads the content of an OBJ file, which messages call `name`.
 pub(crate) fn obj(name: &str, bytes: &[u8]) -> Result<ObjMesh, SceneError> {
+    check_indices(name, bytes)?;
     let mut mesh = ObjMesh::default();
     for line in bytes.split(|&b| b == b'\n') {
         let line = line.trim_ascii();
