@@ -1,6 +1,6 @@
 //! The cell of a node: a box while only axes have split it, then a convex polytope.
 
-use super::grow::SplitPlane;
+use super::built::SplitPlane;
 use crate::geometry::Aabb;
 use crate::geometry::polytope::{CutScratch, Polytope};
 
@@ -29,13 +29,13 @@ impl Cell {
         match (self, plane.axis()) {
             (Cell::Box(aabb), Some(axis)) => {
                 let (mut below, mut above) = (*aabb, *aabb);
-                below.max[axis] = plane.boundary.offset;
-                above.min[axis] = plane.boundary.offset;
+                below.max[axis] = plane.offset;
+                above.min[axis] = plane.offset;
                 Some([below, above].map(|part| Some(Cell::Box(part))))
             }
             (cell, _) => {
                 let normal = glam::Vec3::from(plane.normal).as_dvec3();
-                let offset = f64::from(plane.boundary.offset);
+                let offset = f64::from(plane.offset);
                 let parts = match cell {
                     Cell::Polytope(polytope) => polytope.cut(normal, offset, wanted, scratch)?,
                     Cell::Box(aabb) => {

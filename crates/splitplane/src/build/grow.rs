@@ -2,6 +2,7 @@
 
 use rayon::prelude::*;
 
+use super::built::{AXES, Built, BuiltNode, Origin, SplitPlane, Work};
 use super::cell::Cell;
 use super::cost::{Choice, Contest};
 use super::extents::{Corners, Extents};
@@ -10,14 +11,14 @@ use super::outlines::{Knife, Outlines};
 use super::params::{BuildParams, BuildStats, Ties};
 use super::search::{Best, Search, SearchScratch, Shape};
 use super::sweep::{Events, search_extents, sweep};
-use super::ties::Boundary;
+use super::ties::{Boundary, Touching};
 use super::triangle_planes::{self, Counter, PlaneSearch, TrianglePlane};
 use super::watch::{BuildPart, Progress, WHOLE, Watched, divide};
 use super::{framed, objects};
 use crate::catalog::{Directions, TreeChoice};
 use crate::directions::{self, NodeView, Random, fixed};
+use crate::geometry::Mesh;
 use crate::geometry::polytope::{CutScratch, Polytope};
-use crate::geometry::{Aabb, Frame, Mesh};
 
 /// Subtrees with at least this many triangles are built in parallel.
 pub(super) const PARALLEL_FROM: usize = 4096;
@@ -31,131 +32,30 @@ pub(super) const ASKED_FROM: usize = 64;
 /// A path ends after this many bad refines [PBRT3, 4.4].
 const MAX_BAD_REFINES: u8 = 3;
 
-const AXES: [[f32; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
-
-/// A plane that splits a node.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct SplitPlane {
-    pub(crate) normal: [f32; 3],
-    pub(crate) boundary: Boundary,
-    pub(crate) origin: Origin,
+/// A plane that may split a node, and what becomes of the triangles that touch it.
+#[derive(Clone, Copy, Debug)]
+struct Candidate {
+    plane: SplitPlane,
+    touching: Touching,
 }
 
-/// What a plane came from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Origin {
-    Axis,
-    /// The tree's fixed direction of this index.
-    Fixed(u8),
-    /// A direction of the node.
-    Direction,
-    Triangle,
-    Edge,
-}
-
-impl SplitPlane {
-    /// The plane is across an axis that was a candidate as such.
-    pub(crate) fn is_axis(&self) -> bool {
-        match self.origin {
-            Origin::Axis => true,
-            Origin::Fixed(_) => self.axis().is_some(),
-            _ => false,
+impl Candidate {
+    fn new(normal: [f32; 3], boundary: Boundary, origin: Origin) -> Self {
+        Candidate {
+            plane: SplitPlane {
+                normal,
+                offset: boundary.offset,
+                origin,
+            },
+            touching: boundary.touching,
         }
     }
 
-    /// The axis that the plane is across, wherever it came from.
-    pub(crate) fn axis(&self) -> Option<usize> {
-        AXES.iter().position(|&axis| axis == self.normal)
-    }
-}
-
-/// A node in depth-first order; the child below follows its parent. `area` is that of its cell.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum BuiltNode {
-    Interior {
-        plane: SplitPlane,
-        /// How many nodes after this one the child above comes.
-        above: usize,
-        area: f64,
-    },
-    /// The children have boxes of their own, in a frame.
-    Objects {
-        above: usize,
-        area: f64,
-        /// The frame of the children's boxes.
-        frame: u32,
-    },
-    /// The next `count` of the references.
-    Leaf { count: usize, area: f64 },
-}
-
-/// What the loop gives.
-#[derive(Debug, Default)]
-pub(crate) struct Built {
-    pub(crate) nodes: Vec<BuiltNode>,
-    pub(crate) references: Vec<u32>,
-    /// The nodes' boxes, each in the frame that its parent names; empty where nodes have planes.
-    pub(crate) boxes: Vec<Aabb>,
-    /// The frames of the boxes, where there are others than the world's.
-    pub(crate) frames: Vec<Frame>,
-    pub(crate) stats: BuildStats,
-    pub(crate) work: Work,
-    /// The directions of the whole tree, where it has such.
-    pub(crate) fixed: Vec<[f32; 3]>,
-}
-
-/// How much a build has done: exact, so that a build which does more than the last one is seen,
-/// whatever the machine. Candidates are in [`BuildStats`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(crate) struct Work {
-    /// Directions along which the triangles of a node were swept.
-    pub(crate) sweeps: u64,
-    /// Events that were swept: those of the triangles, along each direction.
-    pub(crate) events: u64,
-    /// Planes across oblique directions, or in oblique cells, whose areas were computed.
-    pub(crate) areas: u64,
-    /// References that were handed to children.
-    pub(crate) moved: u64,
-}
-
-impl std::ops::AddAssign for Work {
-    fn add_assign(&mut self, other: Work) {
-        self.sweeps += other.sweeps;
-        self.events += other.events;
-        self.areas += other.areas;
-        self.moved += other.moved;
-    }
-}
-
-impl Built {
-    /// Appends an interior node and its subtrees, in parallel if that is worth it. `node` is told
-    /// how many nodes after it the child above comes; `scratch` are buffers of one thread.
-    pub(super) fn join<S: Default + Send>(
-        &mut self,
-        node: impl Fn(usize) -> BuiltNode,
-        parallel: bool,
-        scratch: &mut S,
-        below: impl FnOnce(&mut Built, &mut S) + Send,
-        above: impl FnOnce(&mut Built, &mut S) + Send,
-    ) {
-        let at = self.nodes.len();
-        self.nodes.push(node(0));
-        if !parallel {
-            below(self, scratch);
-            self.nodes[at] = node(self.nodes.len() - at);
-            return above(self, scratch);
+    fn boundary(&self) -> Boundary {
+        Boundary {
+            offset: self.plane.offset,
+            touching: self.touching,
         }
-        let mut other = Built::default();
-        rayon::join(
-            || below(self, scratch),
-            || above(&mut other, &mut S::default()),
-        );
-        self.nodes[at] = node(self.nodes.len() - at);
-        self.nodes.append(&mut other.nodes);
-        self.references.append(&mut other.references);
-        self.boxes.append(&mut other.boxes);
-        self.stats += other.stats;
-        self.work += other.work;
     }
 }
 
@@ -353,22 +253,15 @@ impl Builder<'_> {
             false => self.divide(&mut node, built, scratch),
         };
         let Some((plane, [below, above])) = children else {
-            built.nodes.push(BuiltNode::Leaf {
-                count: node.triangles.len(),
-                area: if node.triangles.is_empty() {
-                    0.0
-                } else {
-                    node.area
-                },
-            });
-            built.references.extend_from_slice(&node.triangles);
+            built.leaf(&node.triangles, node.area);
             self.watched.finished(node.share, node.triangles.len());
             return;
         };
         let area = node.area;
         drop(node);
+        built.expected.interior(&plane, area);
         built.join(
-            |above| BuiltNode::Interior { plane, above, area },
+            |above| BuiltNode::Interior { plane, above },
             below.triangles.len().min(above.triangles.len()) >= PARALLEL_FROM,
             scratch,
             |built, scratch| self.grow(below, built, scratch),
@@ -400,16 +293,17 @@ impl Builder<'_> {
         }
         let _part = self.watched.part(BuildPart::Divide, n);
         let triangles = self.sides(node, &choice.plane, scratch);
+        let plane = choice.plane.plane;
         let references = triangles[0].len() + triangles[1].len();
         if references > n && references as f64 > node.references {
             stats.limited_leaves += 1;
             return None;
         }
         built.work.moved += references as u64;
-        stats.count_win(&choice.plane);
+        stats.count_win(&plane);
         stats.bad_refines += u64::from(choice.bad_refine);
         let children = self.children(node, cell, &choice, triangles, (stats, scratch));
-        Some((choice.plane, children))
+        Some((plane, children))
     }
 
     fn recycle(&self, cell: Cell, scratch: &mut Scratch) {
@@ -429,7 +323,7 @@ impl Builder<'_> {
         node: &Node,
         cell: &Cell,
         scratch: &mut Scratch,
-    ) -> (Contest<SplitPlane>, u64, Work) {
+    ) -> (Contest<Candidate>, u64, Work) {
         let (spec, params) = (self.choice.spec, self.params);
         let n = node.triangles.len();
         let oblique = !spec.axes || n <= params.oblique_up_to as usize;
@@ -494,7 +388,7 @@ impl Builder<'_> {
                 work += done;
                 found
                     .into_iter()
-                    .for_each(|(plane, best)| contest.enter(plane, are_axes, best));
+                    .for_each(|(candidate, best)| contest.enter(candidate, are_axes, best));
                 continue;
             }
             // Whether there are other threads or not, so that rounding is the same.
@@ -512,7 +406,7 @@ impl Builder<'_> {
                 work += done;
                 found
                     .into_iter()
-                    .for_each(|(plane, best)| contest.enter(plane, are_axes, best));
+                    .for_each(|(candidate, best)| contest.enter(candidate, are_axes, best));
             }
         }
         if let (true, Some(shape)) = (spec.triangle_planes && oblique, shape) {
@@ -532,15 +426,12 @@ impl Builder<'_> {
             let (found, inside) = search.run();
             candidates += inside;
             if let Some((plane, is_edge, best)) = found {
-                let plane = SplitPlane {
-                    normal: plane.normal,
-                    boundary: best.boundary,
-                    origin: match is_edge {
-                        true => Origin::Edge,
-                        false => Origin::Triangle,
-                    },
+                let origin = match is_edge {
+                    true => Origin::Edge,
+                    false => Origin::Triangle,
                 };
-                contest.enter(plane, false, best);
+                let candidate = Candidate::new(plane.normal, best.boundary, origin);
+                contest.enter(candidate, false, best);
             }
         }
         (contest, candidates, work)
@@ -558,7 +449,7 @@ impl Builder<'_> {
             events,
             search,
         }: &mut SweepScratch,
-    ) -> (Option<(SplitPlane, Best)>, u64, Work) {
+    ) -> (Option<(Candidate, Best)>, u64, Work) {
         let Swept {
             node,
             cell,
@@ -593,12 +484,7 @@ impl Builder<'_> {
         work.areas = areas;
         let found = found.and_then(|(found, best)| {
             let (_, (normal, origin)) = directions.clone().nth(found)?;
-            let plane = SplitPlane {
-                normal,
-                boundary: best.boundary,
-                origin,
-            };
-            Some((plane, best))
+            Some((Candidate::new(normal, best.boundary, origin), best))
         });
         (found, candidates, work)
     }
@@ -633,7 +519,8 @@ impl Builder<'_> {
 
     /// The triangles below and above a plane; where the node has lists, or its triangles are clipped,
     /// the sides of each are noted.
-    fn sides(&self, node: &Node, plane: &SplitPlane, scratch: &mut Scratch) -> [Vec<u32>; 2] {
+    fn sides(&self, node: &Node, candidate: &Candidate, scratch: &mut Scratch) -> [Vec<u32>; 2] {
+        let (plane, boundary) = (candidate.plane, candidate.boundary());
         let axis = plane.axis();
         let n = node.triangles.len();
         let Scratch {
@@ -661,7 +548,7 @@ impl Builder<'_> {
                 true => (extents.mins[i], extents.maxs[i]),
                 false => self.extent(axis, plane.normal, triangle),
             };
-            let (below, above) = plane.boundary.sides(extent);
+            let (below, above) = boundary.sides(extent);
             if below {
                 parts[0].push(triangle);
             }
@@ -685,11 +572,12 @@ impl Builder<'_> {
         &self,
         node: &mut Node,
         cell: Cell,
-        choice: &Choice<SplitPlane>,
+        choice: &Choice<Candidate>,
         mut triangles: [Vec<u32>; 2],
         (stats, scratch): (&mut BuildStats, &mut Scratch),
     ) -> [Node; 2] {
         let depth = node.depth + 1;
+        let plane = choice.plane.plane;
         let counts = [triangles[0].len(), triangles[1].len()];
         // Others are leaves, of which only the area is of use.
         let wanted = counts.map(|n| n > self.params.max_prims as usize && depth < self.max_depth);
@@ -703,8 +591,8 @@ impl Builder<'_> {
         let mut outlines = match self.params.clip {
             true => {
                 let knife = Knife {
-                    normal: glam::Vec3::from(choice.plane.normal).as_dvec3(),
-                    offset: f64::from(choice.plane.boundary.offset),
+                    normal: glam::Vec3::from(plane.normal).as_dvec3(),
+                    offset: f64::from(plane.offset),
                     outset: 2.0 * self.overhang,
                 };
                 let (sides, buffers) = (&scratch.sides_in_node, &mut scratch.outlines);
@@ -715,7 +603,7 @@ impl Builder<'_> {
         let mut cells = match wanted {
             [false, false] => [None, None],
             _ => cell
-                .cut(&choice.plane, wanted, &mut scratch.cut)
+                .cut(&plane, wanted, &mut scratch.cut)
                 .unwrap_or_else(|| {
                     stats.uncut_cells += 1;
                     [Some(cell.clone()), Some(cell.clone())]
@@ -830,10 +718,7 @@ mod tests {
             let kd = built("kd");
             for name in ["wn+kd:5", "cn+kd:5", "rbsp-kd:9", "ize-kd"] {
                 let other = built(name);
-                assert!(
-                    other.nodes == kd.nodes && other.references == kd.references,
-                    "{name}"
-                );
+                assert!(other.pieces == kd.pieces, "{name}");
             }
         }
     }
@@ -853,10 +738,7 @@ mod tests {
                 work_of(&mesh, choice, &params, threads)
             });
             assert_eq!(one.work, two.work, "{name}");
-            assert!(
-                one.nodes == two.nodes && one.references == two.references,
-                "{name}"
-            );
+            assert!(one.pieces == two.pieces, "{name}");
         }
     }
 }

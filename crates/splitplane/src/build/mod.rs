@@ -1,5 +1,6 @@
 //! From a mesh to a tree: one top-down loop, cell by cell.
 
+mod built;
 mod cell;
 mod cost;
 mod extents;
@@ -15,6 +16,7 @@ mod ties;
 mod triangle_planes;
 mod watch;
 
-pub(crate) use grow::{Built, BuiltNode, Origin, SplitPlane, grow};
+pub(crate) use built::{Built, BuiltNode, Expected, Origin, SplitPlane};
+pub(crate) use grow::grow;
 pub use params::{BuildError, BuildParams, BuildStats, DepthLimit, ObliquePricing, Ties, Wins};
 pub use watch::{BuildPart, Progress};

@@ -1,7 +1,8 @@
 //! A bounding volume hierarchy by SAH sweeps: triangles are divided instead of space, so that each
 //! is in one leaf, and children's boxes may overlap [GoldsmithSalmon1987, MacDonaldBooth1990].
 
-use super::grow::{ASKED_FROM, Built, BuiltNode, PARALLEL_FROM};
+use super::built::{Built, BuiltNode};
+use super::grow::{ASKED_FROM, PARALLEL_FROM};
 use super::params::BuildParams;
 use super::watch::{self, BuildPart, WHOLE, Watched};
 use crate::geometry::{Aabb, Frame, Mesh};
@@ -49,6 +50,7 @@ impl Job<'_> {
             .iter()
             .fold(Aabb::EMPTY, |all, item| all.union(&item.bounds));
         let area = bounds.surface_area();
+        built.bounds(bounds);
         let leaf_cost = params.intersection_cost * items.len() as f64;
         let stopped = items.len() >= ASKED_FROM && self.watched.ask();
         let splits = !stopped && items.len() > params.max_prims as usize;
@@ -61,27 +63,20 @@ impl Job<'_> {
         let Some(Division { axis, below, .. }) =
             division.filter(|division| division.cost < leaf_cost)
         else {
-            built.boxes.push(bounds);
             // In the mesh's order, as in every tree.
-            items.sort_unstable_by_key(|item| item.triangle);
-            built.nodes.push(BuiltNode::Leaf {
-                count: items.len(),
-                area,
-            });
-            built
-                .references
-                .extend(items.iter().map(|item| item.triangle));
+            let mut triangles: Vec<u32> = items.iter().map(|item| item.triangle).collect();
+            triangles.sort_unstable();
+            built.leaf(&triangles, area);
             self.watched.finished(share, items.len());
             return;
         };
-        built.boxes.push(bounds);
+        built.expected.axis_visits += area;
         sort_along(items, axis);
         let (below, above) = items.split_at_mut(below);
         let shares = watch::divide(share, below.len(), above.len());
         built.join(
             |above| BuiltNode::Objects {
                 above,
-                area,
                 frame: Frame::WORLD,
             },
             below.len().min(above.len()) >= PARALLEL_FROM,

@@ -2,7 +2,7 @@ use std::collections::BTreeMap;
 
 use super::nodes::{Layout, View};
 use super::{Tree, with_nodes};
-use crate::build::{BuildStats, Built, BuiltNode};
+use crate::build::{BuildStats, Expected};
 use crate::catalog::TreeChoice;
 
 /// The nodes of a tree, by kind.
@@ -75,39 +75,6 @@ pub struct WideCard {
     pub depth: u32,
     /// Wide nodes by the frame of their boxes, the world's axes first.
     pub frames: Vec<u64>,
-}
-
-/// What a random line through the scene's box meets on average: areas of cells over that of the
-/// box.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(crate) struct Expected {
-    pub(super) axis_visits: f64,
-    pub(super) oblique_visits: f64,
-    /// Triangle tests by the size of the leaf.
-    pub(super) tests: BTreeMap<u32, f64>,
-}
-
-impl Expected {
-    pub(crate) fn of(built: &Built, root_area: f64) -> Self {
-        let mut expected = Expected::default();
-        for node in &built.nodes {
-            match *node {
-                BuiltNode::Interior { plane, area, .. } => {
-                    *(match plane.is_axis() {
-                        true => &mut expected.axis_visits,
-                        false => &mut expected.oblique_visits,
-                    }) += area / root_area;
-                }
-                BuiltNode::Objects { area, .. } => expected.axis_visits += area / root_area,
-                BuiltNode::Leaf { count: 0, .. } => {}
-                BuiltNode::Leaf { count, area } => {
-                    *expected.tests.entry(count as u32).or_default() +=
-                        count as f64 * area / root_area;
-                }
-            }
-        }
-        expected
-    }
 }
 
 impl Tree {

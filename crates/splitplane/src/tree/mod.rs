@@ -12,11 +12,10 @@ pub use saved::LoadError;
 pub use section::{Axis, Section, SectionCell, SectionSegment};
 pub use validate::ValidateError;
 
-use crate::build::{BuildError, BuildParams, BuildStats, Built, Progress, grow};
+use crate::build::{BuildError, BuildParams, BuildStats, Built, Expected, Progress, grow};
 use crate::catalog::{Directions, TreeChoice, TreeSpec};
 use crate::geometry::{Aabb, Mesh, Ray};
 use crate::query::{self, ClosestPoint, Coherence, Counters, Hit, Place, Traversal};
-use card::Expected;
 use nodes::{BoxNode, IndexedNode, KdNode, ObliqueNode, Shared};
 use wide::Wide;
 
@@ -186,15 +185,15 @@ impl Tree {
         progress: &dyn Progress,
     ) -> Result<Tree, BuildError> {
         params.check()?;
-        let built = grow(mesh, choice, params, progress).ok_or(BuildError::Cancelled)?;
-        Tree::store(mesh, choice, params, &built)
+        let mut built = grow(mesh, choice, params, progress).ok_or(BuildError::Cancelled)?;
+        Tree::store(mesh, choice, params, &mut built)
     }
 
     fn store(
         mesh: &Mesh,
         choice: TreeChoice,
         params: &BuildParams,
-        built: &Built,
+        built: &mut Built,
     ) -> Result<Tree, BuildError> {
         let spec = choice.spec;
         let shared = Shared::new(built.fixed.clone(), built.frames.clone(), spec.axis_nodes);
@@ -223,7 +222,7 @@ impl Tree {
             nodes,
             shared,
             references,
-            expected: Expected::of(built, mesh.bounds().surface_area()),
+            expected: std::mem::take(&mut built.expected).over(mesh.bounds().surface_area()),
             stats: built.stats,
             place: Tree::place_over(mesh, params),
             wide: None,

@@ -209,7 +209,7 @@ impl Layout for KdNode {
     fn interior(plane: &SplitPlane, above: u32, _: &Shared) -> Self {
         let axis = plane.axis().expect("a kd-tree splits along axes only") as u32;
         KdNode {
-            payload: plane.boundary.offset.to_bits(),
+            payload: plane.offset.to_bits(),
             meta: above << KIND_BITS | axis,
         }
     }
@@ -278,7 +278,7 @@ impl Layout for IndexedNode {
                 .expect("a plane across a fixed direction or an axis") as u32,
         };
         IndexedNode {
-            payload: plane.boundary.offset.to_bits(),
+            payload: plane.offset.to_bits(),
             meta: above << shared.direction_bits | index,
         }
     }
@@ -329,7 +329,7 @@ impl Layout for ObliqueNode {
             _ => OBLIQUE,
         };
         let kd = KdNode {
-            payload: plane.boundary.offset.to_bits(),
+            payload: plane.offset.to_bits(),
             meta: above << KIND_BITS | kind,
         };
         ObliqueNode {
@@ -401,46 +401,48 @@ impl Layout for BoxNode {
     }
 }
 
-/// Stores built nodes, and the references of the leaves that have more than one triangle.
+/// Stores built nodes, and the references of the leaves that have more than one triangle. What is
+/// stored is freed.
 pub(crate) fn store<N: Layout>(
-    built: &Built,
+    built: &mut Built,
     shared: &Shared,
 ) -> Result<(Vec<N>, Vec<u32>), BuildError> {
     let limit = N::limit(shared);
-    for (what, count) in [
-        ("nodes", built.nodes.len()),
-        ("references", built.references.len()),
-    ] {
+    let pieces = std::mem::take(&mut built.pieces);
+    let references = pieces.iter().map(|piece| piece.references.len()).sum();
+    for (what, count) in [("nodes", built.len()), ("references", references)] {
         if count > limit {
             return Err(BuildError::TooLarge { what, count, limit });
         }
     }
-    let mut nodes = Vec::with_capacity(built.nodes.len());
+    let mut nodes: Vec<N> = Vec::with_capacity(built.len());
     let mut kept = Vec::new();
-    let mut rest = built.references.as_slice();
-    for (at, node) in built.nodes.iter().enumerate() {
-        nodes.push(match *node {
-            BuiltNode::Interior { plane, above, .. } => {
-                N::interior(&plane, (at + above) as u32, shared)
-            }
-            BuiltNode::Objects { above, frame, .. } => N::objects((at + above) as u32, frame),
-            BuiltNode::Leaf { count, .. } => {
-                let (own, others) = rest.split_at(count);
-                rest = others;
-                let payload = if let [triangle] = own {
-                    *triangle
-                } else {
-                    kept.len() as u32
-                };
-                if count > 1 {
-                    kept.extend_from_slice(own);
+    for piece in pieces {
+        let first = nodes.len();
+        let mut rest = piece.references.as_slice();
+        for node in &piece.nodes {
+            let at = nodes.len() as u32;
+            nodes.push(match *node {
+                BuiltNode::Interior { plane, above } => N::interior(&plane, at + above, shared),
+                BuiltNode::Objects { above, frame } => N::objects(at + above, frame),
+                BuiltNode::Leaf { count } => {
+                    let (own, others) = rest.split_at(count as usize);
+                    rest = others;
+                    let payload = if let [triangle] = own {
+                        *triangle
+                    } else {
+                        kept.len() as u32
+                    };
+                    if count > 1 {
+                        kept.extend_from_slice(own);
+                    }
+                    N::leaf(payload, count, shared)
                 }
-                N::leaf(payload, count as u32, shared)
-            }
-        });
-    }
-    for (node, &bounds) in nodes.iter_mut().zip(&built.boxes) {
-        node.set_bounds(bounds);
+            });
+        }
+        for (node, &bounds) in nodes[first..].iter_mut().zip(&piece.boxes) {
+            node.set_bounds(bounds);
+        }
     }
     Ok((nodes, kept))
 }

@@ -16,11 +16,10 @@ use std::path::Path;
 use bytemuck::Pod;
 use sha2::{Digest, Sha256};
 
-use super::card::Expected;
 use super::nodes::Shared;
 use super::wide::{MAX_FRAMES, Wide};
 use super::{Kind, Layout, Nodes, Tree, TreeCard, ValidateError, with_nodes};
-use crate::build::{BuildParams, BuildStats, DepthLimit, ObliquePricing, Ties};
+use crate::build::{BuildParams, BuildStats, DepthLimit, Expected, ObliquePricing, Ties};
 use crate::catalog::{MAX_DIRECTION_COUNT, ParseTreeError, TreeChoice};
 use crate::geometry::{Frame, Mesh};
 use crate::whole::write_whole;

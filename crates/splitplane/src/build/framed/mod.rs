@@ -14,7 +14,8 @@ mod split;
 
 use glam::{DVec3, Vec3A};
 
-use super::grow::{ASKED_FROM, Built, BuiltNode, PARALLEL_FROM};
+use super::built::{Built, BuiltNode};
+use super::grow::{ASKED_FROM, PARALLEL_FROM};
 use super::params::BuildParams;
 use super::watch::{self, WHOLE, Watched};
 use crate::geometry::frame::round_outward;
@@ -188,7 +189,7 @@ pub(super) fn blocks(count: usize) -> f32 {
 impl Builder<'_> {
     /// Appends the subtree of `node`.
     fn grow(&self, node: Node, place: &Place, built: &mut Built, scratch: &mut Scratch) {
-        built.boxes.push(node.bounds.aabb());
+        built.bounds(node.bounds.aabb());
         match self.change_frame(&node, place) {
             Some((node, place)) => self.grow_in_frame(node, &place, built, scratch),
             None => self.grow_in_frame(node, place, built, scratch),
@@ -210,11 +211,7 @@ impl Builder<'_> {
             let mut triangles: Vec<u32> = node.references.iter().map(|r| r.triangle).collect();
             triangles.sort_unstable();
             triangles.dedup();
-            built.nodes.push(BuiltNode::Leaf {
-                count: triangles.len(),
-                area,
-            });
-            built.references.append(&mut triangles);
+            built.leaf(&triangles, area);
             self.watched.finished(node.share, node.references.len());
             return;
         };
@@ -222,11 +219,11 @@ impl Builder<'_> {
             Frame::WORLD => built.stats.wins.axis += 1,
             _ => built.stats.wins.direction += 1,
         }
+        built.expected.axis_visits += area;
         let (below, above) = self.divide(node, split, place);
         built.join(
             |above| BuiltNode::Objects {
                 above,
-                area,
                 frame: place.frame,
             },
             below.references.len().min(above.references.len()) >= PARALLEL_FROM,

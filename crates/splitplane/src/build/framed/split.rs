@@ -12,6 +12,9 @@ const MAX_OVERLAP: f32 = 0.5;
 /// the one that keeps them apart; a larger one cuts many triangles for it.
 const OVERLAP_COST: f32 = 0.02;
 
+/// Nodes of so many references are large.
+const LARGE_FROM: usize = 256;
+
 /// Planes are looked for in large nodes only where the children of the best centres overlap along
 /// their axis by more than this, in units of the edge of a square as large as half the node's area:
 /// where triangles are small beside their node, cutting them gains nothing.
@@ -77,6 +80,7 @@ pub(super) fn find(
     match references.len() {
         0..2 => {}
         2..BINNED_FROM => search.all(scratch),
+        BINNED_FROM..LARGE_FROM => search.by_bins(bounds, f32::NEG_INFINITY, scratch),
         _ => search.by_bins(bounds, PLANES_FROM, scratch),
     }
     scratch.candidates += search.candidates;
