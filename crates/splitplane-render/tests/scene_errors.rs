@@ -136,9 +136,17 @@ fn an_obj_that_names_what_is_not_there_is_refused_with_the_line() {
         let error = read(&path).unwrap_err().to_string();
         assert!(error.contains(message), "{face}: {error}");
     }
-    // Those that say where they stand may come before what they name.
-    std::fs::write(&path, format!("f 1/1/1 2 3\n{vertices}")).unwrap();
-    assert_eq!(read(&path).unwrap().mesh.triangles().len(), 1);
+    // Indices from the start may come before what they name; those of texture coordinates and
+    // normals may be 0, for none, and say nothing where there are none; and what is no face is not
+    // looked at.
+    for text in [
+        format!("f 1/1/1 2 3\n{vertices}"),
+        format!("{vertices}f 1/0/1 2/0/0 3//1\nl 1 99\n"),
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3/-3/-3 -2/7/7 -1\n".to_owned(),
+    ] {
+        std::fs::write(&path, &text).unwrap();
+        assert_eq!(read(&path).unwrap().mesh.triangles().len(), 1, "{text}");
+    }
 }
 
 #[test]

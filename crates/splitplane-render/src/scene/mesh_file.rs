@@ -204,19 +204,23 @@ fn obj_scene(file: &str, path: &Path, bytes: &[u8]) -> Result<Found, SceneError>
 }
 
 /// The materials of an OBJ's library file. A colour may be given by its red alone, which is then its
-/// green and blue too; the crate that reads the rest knows only all three.
+/// green and blue too; the crate that reads the rest would panic.
 fn materials_of(path: &Path) -> Result<Vec<tobj::Material>, String> {
     let bytes = std::fs::read(path).map_err(|error| error.to_string())?;
     let mut text = String::with_capacity(bytes.len());
-    for line in String::from_utf8_lossy(&bytes).lines() {
-        text.push_str(line);
+    for (number, line) in String::from_utf8_lossy(&bytes).lines().enumerate() {
         let mut words = line.split_whitespace();
-        if matches!(words.next(), Some("Ka" | "Kd" | "Ks" | "Ke")) {
-            let given: Vec<&str> = words.take(3).collect();
-            let red = *given.first().ok_or("a colour without numbers")?;
-            for _ in given.len()..3 {
-                text.push(' ');
-                text.push_str(red);
+        text.push_str(line);
+        if let Some(color @ ("Ka" | "Kd" | "Ks" | "Ke")) = words.next() {
+            match (words.next(), words.next(), words.next()) {
+                (Some(red), None, None) => text.push_str(&format!(" {red} {red}")),
+                (Some(_), Some(_), Some(_)) => {}
+                _ => {
+                    return Err(format!(
+                        "line {}: {color} takes one or three numbers",
+                        number + 1
+                    ));
+                }
             }
         }
         text.push('\n');
@@ -331,14 +335,12 @@ pub(crate) struct ObjMesh {
 
 /// Refuses faces that name a vertex, a texture coordinate or a normal that is not there, with the
 /// line. The crate that reads the file calculates with what they say, and may overflow.
-fn check_indices(name: &str, bytes: &[u8]) -> Result<(), SceneError> {
+fn check_faces(name: &str, bytes: &[u8]) -> Result<(), SceneError> {
     const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
-    let refused = |line: usize, message: String| SceneError {
-        line: u32::try_from(line + 1).unwrap_or(0),
-        ..SceneError::file(name, message)
-    };
     let mut counts = [0_i64; 3];
-    // The greatest index of each kind, which may stand before what it names.
+    // Of each kind, the first index that counts back too far, and the greatest, which may stand
+    // before what it names; with their lines.
+    let mut before: [Option<(i64, i64, usize)>; 3] = [None; 3];
     let mut greatest = [(0_i64, 0_usize); 3];
     for (number, line) in bytes.split(|&b| b == b'\n').enumerate() {
         // The crate refuses what is not UTF-8.
@@ -349,22 +351,17 @@ fn check_indices(name: &str, bytes: &[u8]) -> Result<(), SceneError> {
             Some("v") => counts[0] += 1,
             Some("vt") => counts[1] += 1,
             Some("vn") => counts[2] += 1,
-            Some("f" | "l") => {
+            // What has one corner or two is left out.
+            Some("f" | "l") if words.clone().nth(2).is_some() => {
                 for (kind, index) in words.flat_map(|corner| corner.split('/').take(3).enumerate())
                 {
                     let Ok(index) = index.parse::<i64>() else {
                         continue;
                     };
-                    if index == 0 {
-                        let message = format!("{} 0: they are counted from 1", KINDS[kind]);
-                        return Err(refused(number, message));
-                    }
-                    if index < 0 && index + counts[kind] < 0 {
-                        let message = format!(
-                            "{} {index}, but only {} come before it",
-                            KINDS[kind], counts[kind]
-                        );
-                        return Err(refused(number, message));
+                    // Of the other kinds 0 is none, as if it were not given.
+                    let is_before = index < 0 && index + counts[kind] < 0;
+                    if is_before || (index == 0 && kind == 0) {
+                        before[kind].get_or_insert((index, counts[kind], number));
                     }
                     if index > greatest[kind].0 {
                         greatest[kind] = (index, number);
@@ -374,18 +371,32 @@ fn check_indices(name: &str, bytes: &[u8]) -> Result<(), SceneError> {
             _ => {}
         }
     }
-    for ((kind, (index, number)), count) in KINDS.iter().zip(greatest).zip(counts) {
+    for (kind, what) in KINDS.iter().enumerate() {
+        let count = counts[kind];
         // Without any texture coordinates or normals, their indices say nothing.
-        if index > count && (count > 0 || *kind == KINDS[0]) {
-            return Err(refused(number, format!("{kind} {index} of {count}")));
+        if count == 0 && kind > 0 {
+            continue;
         }
+        let (line, message) = match (before[kind], greatest[kind]) {
+            (Some((0, _, line)), _) => (line, format!("{what} 0: they are counted from 1")),
+            (Some((index, so_far, line)), _) => (
+                line,
+                format!("{what} {index}, but only {so_far} come before it"),
+            ),
+            (None, (index, line)) if index > count => (line, format!("{what} {index} of {count}")),
+            _ => continue,
+        };
+        return Err(SceneError {
+            line: u32::try_from(line + 1).unwrap_or(0),
+            ..SceneError::file(name, message)
+        });
     }
     Ok(())
 }
 
 /// Reads the content of an OBJ file, which messages call `name`.
 pub(crate) fn obj(name: &str, bytes: &[u8]) -> Result<ObjMesh, SceneError> {
-    check_indices(name, bytes)?;
+    check_faces(name, bytes)?;
     let mut mesh = ObjMesh::default();
     for line in bytes.split(|&b| b == b'\n') {
         let line = line.trim_ascii();

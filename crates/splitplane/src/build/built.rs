@@ -61,7 +61,7 @@ pub(crate) enum BuiltNode {
     Leaf { count: u32 },
 }
 
-// All of them are there at once, and most of what a build takes.
+// All of them are there at once.
 const _: () = assert!(size_of::<BuiltNode>() == 24);
 
 /// Nodes that follow each other, with what belongs to them.
@@ -73,12 +73,12 @@ pub(crate) struct Piece {
     pub(crate) boxes: Vec<Aabb>,
 }
 
-/// What the loop gives.
+/// What a build gives.
 #[derive(Debug, Default)]
 pub(crate) struct Built {
     /// All nodes in order: subtrees of other threads are not copied to where they belong.
     pub(crate) pieces: Vec<Piece>,
-    nodes: usize,
+    node_count: usize,
     /// The frames of the boxes, where there are others than the world's.
     pub(crate) frames: Vec<Frame>,
     pub(crate) stats: BuildStats,
@@ -123,10 +123,10 @@ pub(crate) struct Expected {
 }
 
 impl Expected {
-    pub(super) fn interior(&mut self, plane: &SplitPlane, area: f64) {
-        *(match plane.is_axis() {
-            true => &mut self.axis_visits,
-            false => &mut self.oblique_visits,
+    fn interior(&mut self, node: &BuiltNode, area: f64) {
+        *(match node {
+            BuiltNode::Interior { plane, .. } if !plane.is_axis() => &mut self.oblique_visits,
+            _ => &mut self.axis_visits,
         }) += area;
     }
 
@@ -161,7 +161,7 @@ impl std::ops::AddAssign for Expected {
 impl Built {
     /// How many nodes there are.
     pub(crate) fn len(&self) -> usize {
-        self.nodes
+        self.node_count
     }
 
     fn last(&mut self) -> &mut Piece {
@@ -177,7 +177,7 @@ impl Built {
         self.last().boxes.push(bounds);
     }
 
-    /// Appends a leaf.
+    /// Appends a leaf of this area.
     pub(super) fn leaf(&mut self, triangles: &[u32], area: f64) {
         let last = self.last();
         let count = triangles.len();
@@ -185,34 +185,36 @@ impl Built {
             count: count as u32,
         });
         last.references.extend_from_slice(triangles);
-        self.nodes += 1;
+        self.node_count += 1;
         self.expected.leaf(count, area);
     }
 
-    /// Appends an interior node and its subtrees, in parallel if that is worth it. `node` is told
-    /// how many nodes after it the child above comes; `scratch` are buffers of one thread.
+    /// Appends an interior node of this area and its subtrees, in parallel if that is worth it.
+    /// `node` is told how many nodes after it the child above comes; `scratch` are buffers of one
+    /// thread.
     pub(super) fn join<S: Default + Send>(
         &mut self,
-        node: impl Fn(u32) -> BuiltNode,
+        (node, area): (impl Fn(u32) -> BuiltNode, f64),
         parallel: bool,
         scratch: &mut S,
         below: impl FnOnce(&mut Built, &mut S) + Send,
         above: impl FnOnce(&mut Built, &mut S) + Send,
     ) {
-        let first = self.nodes;
+        self.expected.interior(&node(0), area);
+        let first = self.node_count;
         let nodes = &mut self.last().nodes;
         let at = nodes.len();
         nodes.push(node(0));
         let piece = self.pieces.len() - 1;
-        self.nodes += 1;
-        let know_above = |built: &mut Built| {
+        self.node_count += 1;
+        let set_above = |built: &mut Built| {
             // Too many for any layout where it is more.
-            let distance = u32::try_from(built.nodes - first).unwrap_or(u32::MAX);
+            let distance = u32::try_from(built.node_count - first).unwrap_or(u32::MAX);
             built.pieces[piece].nodes[at] = node(distance);
         };
         if !parallel {
             below(self, scratch);
-            know_above(self);
+            set_above(self);
             return above(self, scratch);
         }
         let mut other = Built::default();
@@ -220,15 +222,15 @@ impl Built {
             || below(self, scratch),
             || above(&mut other, &mut S::default()),
         );
-        know_above(self);
+        set_above(self);
         self.append(other);
     }
 
     fn append(&mut self, mut other: Built) {
+        // Nothing is added to it any more.
         self.last().shrink_to_fit();
         self.pieces.append(&mut other.pieces);
-        self.last().shrink_to_fit();
-        self.nodes += other.nodes;
+        self.node_count += other.node_count;
         self.stats += other.stats;
         self.work += other.work;
         self.expected += other.expected;

@@ -14,7 +14,7 @@ pub(crate) struct Contest<P> {
 /// A split, and whether it beats a leaf.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Choice<P> {
-    pub(crate) plane: P,
+    pub(crate) candidate: P,
     /// The areas of the cells below and above, as fractions of the node's.
     pub(crate) areas: (f64, f64),
     /// The split does not beat a leaf.
@@ -100,7 +100,7 @@ impl<P: Copy> Contest<P> {
             (a, b) => a.or(b),
         };
         let choice = |(_, plane, best): (f64, P, Best), lowest_cost: f64| Choice {
-            plane,
+            candidate: plane,
             areas: best.areas,
             bad_refine: lowest_cost > leaf_cost,
             hopeless: is_hopeless(lowest_cost, leaf_cost, n),

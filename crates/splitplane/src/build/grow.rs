@@ -199,6 +199,7 @@ pub(crate) fn grow(
     // on threads: so only once the limit is passed has every subtree its share of it.
     let mut built = builder.run(f64::INFINITY);
     if builder.watched.is_over() {
+        drop(built);
         builder.watched = watched(f64::INFINITY);
         built = builder.run(limit);
     }
@@ -259,9 +260,8 @@ impl Builder<'_> {
         };
         let area = node.area;
         drop(node);
-        built.expected.interior(&plane, area);
         built.join(
-            |above| BuiltNode::Interior { plane, above },
+            (|above| BuiltNode::Interior { plane, above }, area),
             below.triangles.len().min(above.triangles.len()) >= PARALLEL_FROM,
             scratch,
             |built, scratch| self.grow(below, built, scratch),
@@ -292,8 +292,8 @@ impl Builder<'_> {
             return None;
         }
         let _part = self.watched.part(BuildPart::Divide, n);
-        let triangles = self.sides(node, &choice.plane, scratch);
-        let plane = choice.plane.plane;
+        let triangles = self.sides(node, &choice.candidate, scratch);
+        let plane = choice.candidate.plane;
         let references = triangles[0].len() + triangles[1].len();
         if references > n && references as f64 > node.references {
             stats.limited_leaves += 1;
@@ -577,7 +577,7 @@ impl Builder<'_> {
         (stats, scratch): (&mut BuildStats, &mut Scratch),
     ) -> [Node; 2] {
         let depth = node.depth + 1;
-        let plane = choice.plane.plane;
+        let plane = choice.candidate.plane;
         let counts = [triangles[0].len(), triangles[1].len()];
         // Others are leaves, of which only the area is of use.
         let wanted = counts.map(|n| n > self.params.max_prims as usize && depth < self.max_depth);

@@ -70,15 +70,17 @@ impl Job<'_> {
             self.watched.finished(share, items.len());
             return;
         };
-        built.expected.axis_visits += area;
         sort_along(items, axis);
         let (below, above) = items.split_at_mut(below);
         let shares = watch::divide(share, below.len(), above.len());
         built.join(
-            |above| BuiltNode::Objects {
-                above,
-                frame: Frame::WORLD,
-            },
+            (
+                |above| BuiltNode::Objects {
+                    above,
+                    frame: Frame::WORLD,
+                },
+                area,
+            ),
             below.len().min(above.len()) >= PARALLEL_FROM,
             &mut (),
             |built, ()| self.divide(below, (depth + 1, shares.0), built),

@@ -18,8 +18,8 @@ pub enum Coherence {
     /// where they are close to each other.
     #[default]
     Unknown,
-    /// They go together, however far apart they are: each visits what any of its fifteen neighbours
-    /// may meet, which takes a thousand times as long for rays that have nothing in common.
+    /// They go together, however far apart they are: rays that have nothing in common may visit all
+    /// of the tree, which takes very long.
     Coherent,
     /// Each goes alone.
     Incoherent,

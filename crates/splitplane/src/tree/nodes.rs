@@ -444,5 +444,6 @@ pub(crate) fn store<N: Layout>(
             node.set_bounds(bounds);
         }
     }
+    kept.shrink_to_fit();
     Ok((nodes, kept))
 }

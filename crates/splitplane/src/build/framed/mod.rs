@@ -219,13 +219,15 @@ impl Builder<'_> {
             Frame::WORLD => built.stats.wins.axis += 1,
             _ => built.stats.wins.direction += 1,
         }
-        built.expected.axis_visits += area;
         let (below, above) = self.divide(node, split, place);
         built.join(
-            |above| BuiltNode::Objects {
-                above,
-                frame: place.frame,
-            },
+            (
+                |above| BuiltNode::Objects {
+                    above,
+                    frame: place.frame,
+                },
+                area,
+            ),
             below.references.len().min(above.references.len()) >= PARALLEL_FROM,
             scratch,
             |built, scratch| self.grow(below, place, built, scratch),

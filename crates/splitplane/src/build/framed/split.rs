@@ -80,8 +80,8 @@ pub(super) fn find(
     match references.len() {
         0..2 => {}
         2..BINNED_FROM => search.all(scratch),
-        BINNED_FROM..LARGE_FROM => search.by_bins(bounds, f32::NEG_INFINITY, scratch),
-        _ => search.by_bins(bounds, PLANES_FROM, scratch),
+        BINNED_FROM..LARGE_FROM => search.by_bins(bounds, None, scratch),
+        _ => search.by_bins(bounds, Some(PLANES_FROM), scratch),
     }
     scratch.candidates += search.candidates;
     let is_leaf = references.len() <= WIDTH;
@@ -181,8 +181,8 @@ impl<'a> Search<'a> {
     }
 
     /// Finds the same by pricing only the divisions of bins that may hold the best one; but planes
-    /// only where children would overlap without them.
-    fn by_bins(&mut self, bounds: &Bounds, planes_from: f32, scratch: &mut Scratch) {
+    /// only where children would overlap by so much without them, if anything is said.
+    fn by_bins(&mut self, bounds: &Bounds, planes_from: Option<f32>, scratch: &mut Scratch) {
         let mut bins = std::mem::take(&mut scratch.bins);
         let rows = bins.fill(self, bounds, false);
         // The most promising bin rules most of the others out.
@@ -197,7 +197,8 @@ impl<'a> Search<'a> {
                 self.refine(row, wanted, scratch);
             }
         }
-        if self.cuts > 0 && self.overlap > planes_from * self.area.sqrt() {
+        let overlaps = |from| self.overlap > from * self.area.sqrt();
+        if self.cuts > 0 && planes_from.is_none_or(overlaps) {
             for row in bins.fill(self, bounds, true) {
                 let cost = self.cost;
                 self.refine(row, |bin| row.at_least[bin] < cost, scratch);
@@ -424,16 +425,20 @@ mod tests {
             references in prop::collection::vec(reference(), 2..300),
             cuts in prop_oneof![Just(0usize), 0usize..20, Just(1000)],
         ) {
-            let bounds = Bounds::of(&references);
-            let found = |by_bins: bool| {
-                let mut search = Search::new(&references, bounds.half_area(), cuts);
-                match by_bins {
-                    true => search.by_bins(&bounds, f32::NEG_INFINITY, &mut Scratch::default()),
-                    false => search.all(&mut Scratch::default()),
-                }
-                (search.cost, search.best.is_some())
-            };
-            prop_assert_eq!(found(true), found(false));
+            let mut scratch = Scratch::default();
+            // As many as there are, and then a part of them, with fewer bins.
+            for references in [&references[..], &references[references.len() / 2..]] {
+                let bounds = Bounds::of(references);
+                let mut found = |by_bins: bool| {
+                    let mut search = Search::new(references, bounds.half_area(), cuts);
+                    match by_bins {
+                        true => search.by_bins(&bounds, None, &mut scratch),
+                        false => search.all(&mut scratch),
+                    }
+                    (search.cost, search.best.is_some())
+                };
+                prop_assert_eq!(found(true), found(false));
+            }
         }
     }
 
@@ -455,7 +460,7 @@ mod tests {
         let priced = |by_bins: bool| {
             let mut search = Search::new(&references, bounds.half_area(), usize::MAX);
             match by_bins {
-                true => search.by_bins(&bounds, f32::NEG_INFINITY, &mut Scratch::default()),
+                true => search.by_bins(&bounds, None, &mut Scratch::default()),
                 false => search.all(&mut Scratch::default()),
             }
             (search.candidates, search.best)
