@@ -159,11 +159,6 @@ impl std::ops::AddAssign for Expected {
 }
 
 impl Built {
-    /// How many nodes there are.
-    pub(crate) fn len(&self) -> usize {
-        self.node_count
-    }
-
     fn last(&mut self) -> &mut Piece {
         if self.pieces.is_empty() {
             self.pieces.push(Piece::default());
@@ -178,13 +173,13 @@ impl Built {
     }
 
     /// Appends a leaf of this area.
-    pub(super) fn leaf(&mut self, triangles: &[u32], area: f64) {
+    pub(super) fn leaf(&mut self, triangles: impl ExactSizeIterator<Item = u32>, area: f64) {
         let last = self.last();
         let count = triangles.len();
         last.nodes.push(BuiltNode::Leaf {
             count: count as u32,
         });
-        last.references.extend_from_slice(triangles);
+        last.references.extend(triangles);
         self.node_count += 1;
         self.expected.leaf(count, area);
     }

@@ -254,7 +254,7 @@ impl Builder<'_> {
             false => self.divide(&mut node, built, scratch),
         };
         let Some((plane, [below, above])) = children else {
-            built.leaf(&node.triangles, node.area);
+            built.leaf(node.triangles.iter().copied(), node.area);
             self.watched.finished(node.share, node.triangles.len());
             return;
         };

@@ -16,7 +16,7 @@ mod ties;
 mod triangle_planes;
 mod watch;
 
-pub(crate) use built::{Built, BuiltNode, Expected, Origin, SplitPlane};
+pub(crate) use built::{Built, BuiltNode, Expected, Origin, Piece, SplitPlane};
 pub(crate) use grow::grow;
 pub use params::{BuildError, BuildParams, BuildStats, DepthLimit, ObliquePricing, Ties, Wins};
 pub use watch::{BuildPart, Progress};

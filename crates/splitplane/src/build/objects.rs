@@ -64,9 +64,8 @@ impl Job<'_> {
             division.filter(|division| division.cost < leaf_cost)
         else {
             // In the mesh's order, as in every tree.
-            let mut triangles: Vec<u32> = items.iter().map(|item| item.triangle).collect();
-            triangles.sort_unstable();
-            built.leaf(&triangles, area);
+            items.sort_unstable_by_key(|item| item.triangle);
+            built.leaf(items.iter().map(|item| item.triangle), area);
             self.watched.finished(share, items.len());
             return;
         };

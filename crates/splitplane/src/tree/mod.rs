@@ -185,33 +185,33 @@ impl Tree {
         progress: &dyn Progress,
     ) -> Result<Tree, BuildError> {
         params.check()?;
-        let mut built = grow(mesh, choice, params, progress).ok_or(BuildError::Cancelled)?;
-        Tree::store(mesh, choice, params, &mut built)
+        let built = grow(mesh, choice, params, progress).ok_or(BuildError::Cancelled)?;
+        Tree::store(mesh, choice, params, built)
     }
 
     fn store(
         mesh: &Mesh,
         choice: TreeChoice,
         params: &BuildParams,
-        built: &mut Built,
+        built: Built,
     ) -> Result<Tree, BuildError> {
         let spec = choice.spec;
-        let shared = Shared::new(built.fixed.clone(), built.frames.clone(), spec.axis_nodes);
+        let shared = Shared::new(built.fixed, built.frames, spec.axis_nodes);
         let (nodes, references) = match Kind::of(spec) {
             Kind::Boxes => {
-                let (nodes, references) = nodes::store(built, &shared)?;
+                let (nodes, references) = nodes::store(built.pieces, &shared)?;
                 (Nodes::Boxes(nodes), references)
             }
             Kind::Indexed => {
-                let (nodes, references) = nodes::store(built, &shared)?;
+                let (nodes, references) = nodes::store(built.pieces, &shared)?;
                 (Nodes::Indexed(nodes), references)
             }
             Kind::Kd => {
-                let (nodes, references) = nodes::store(built, &shared)?;
+                let (nodes, references) = nodes::store(built.pieces, &shared)?;
                 (Nodes::Kd(nodes), references)
             }
             Kind::Oblique => {
-                let (nodes, references) = nodes::store(built, &shared)?;
+                let (nodes, references) = nodes::store(built.pieces, &shared)?;
                 (Nodes::Oblique(nodes), references)
             }
         };
@@ -222,7 +222,7 @@ impl Tree {
             nodes,
             shared,
             references,
-            expected: std::mem::take(&mut built.expected).over(mesh.bounds().surface_area()),
+            expected: built.expected.over(mesh.bounds().surface_area()),
             stats: built.stats,
             place: Tree::place_over(mesh, params),
             wide: None,

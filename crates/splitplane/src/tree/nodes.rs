@@ -6,7 +6,7 @@
 
 use bytemuck::{Pod, Zeroable};
 
-use crate::build::{BuildError, Built, BuiltNode, Origin, SplitPlane};
+use crate::build::{BuildError, BuiltNode, Origin, Piece, SplitPlane};
 use crate::geometry::{Aabb, Frame};
 
 /// Bits 0 to 2 of a node's `meta`: an axis, or one of these. The other bits are the index of the
@@ -401,21 +401,21 @@ impl Layout for BoxNode {
     }
 }
 
-/// Stores built nodes, and the references of the leaves that have more than one triangle. What is
-/// stored is freed.
+/// Stores built nodes, and the references of the leaves that have more than one triangle. Each piece
+/// is freed when it is stored.
 pub(crate) fn store<N: Layout>(
-    built: &mut Built,
+    pieces: Vec<Piece>,
     shared: &Shared,
 ) -> Result<(Vec<N>, Vec<u32>), BuildError> {
     let limit = N::limit(shared);
-    let pieces = std::mem::take(&mut built.pieces);
+    let node_count = pieces.iter().map(|piece| piece.nodes.len()).sum();
     let references = pieces.iter().map(|piece| piece.references.len()).sum();
-    for (what, count) in [("nodes", built.len()), ("references", references)] {
+    for (what, count) in [("nodes", node_count), ("references", references)] {
         if count > limit {
             return Err(BuildError::TooLarge { what, count, limit });
         }
     }
-    let mut nodes: Vec<N> = Vec::with_capacity(built.len());
+    let mut nodes: Vec<N> = Vec::with_capacity(node_count);
     let mut kept = Vec::new();
     for piece in pieces {
         let first = nodes.len();

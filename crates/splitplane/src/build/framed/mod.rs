@@ -211,7 +211,7 @@ impl Builder<'_> {
             let mut triangles: Vec<u32> = node.references.iter().map(|r| r.triangle).collect();
             triangles.sort_unstable();
             triangles.dedup();
-            built.leaf(&triangles, area);
+            built.leaf(triangles.into_iter(), area);
             self.watched.finished(node.share, node.references.len());
             return;
         };
