@@ -21,11 +21,11 @@ use super::watch::{self, WHOLE, Watched};
 use crate::geometry::frame::round_outward;
 use crate::geometry::polygon::Polygon;
 use crate::geometry::{Aabb, Frame, Mesh};
-use crate::tree::wide::{MAX_FRAMES, WIDTH};
+use crate::tree::wide::{MAX_FRAMES, WIDTH, leaf_cost};
 use split::{Scratch, Split};
 
-/// Cost of a visit of a node, with that of testing up to eight triangles as 2.
-const NODE_COST: f32 = 0.5;
+/// Cost of a visit of a node, and of a full leaf.
+const NODE_COST: f32 = 0.3;
 const LEAF_COST: f32 = 2.0;
 
 /// Cutting may give this many references for each triangle, at most, on top of the first one.
@@ -180,10 +180,11 @@ pub(super) fn grow(mesh: &Mesh, watched: &Watched) -> Option<Built> {
     (!watched.is_stopped()).then_some(built)
 }
 
-/// Blocks of triangles that are tested one after the other.
+/// What so many references will cost where they are met, in units of a full leaf.
 #[inline(always)]
-pub(super) fn blocks(count: usize) -> f32 {
-    (count as f32 / WIDTH as f32).max(1.0)
+pub(super) fn cost_of(count: usize) -> f32 {
+    // One leaf or more, whichever is more.
+    leaf_cost(count).max(count as f32 / WIDTH as f32)
 }
 
 impl Builder<'_> {

@@ -1,7 +1,7 @@
 //! The best way to divide a node of the tree `framed`.
 
 use super::bins::{BINNED_FROM, BINS, Bins, Row};
-use super::{Bounds, LEAF_COST, NODE_COST, Reference, blocks};
+use super::{Bounds, LEAF_COST, NODE_COST, Reference, cost_of};
 use crate::tree::wide::WIDTH;
 
 /// Boxes of children may overlap by this share of their parent's area.
@@ -150,7 +150,7 @@ impl<'a> Search<'a> {
             best: None,
             overlap: f32::INFINITY,
             cost: match references.len() <= WIDTH {
-                true => LEAF_COST * area,
+                true => LEAF_COST * cost_of(references.len()) * area,
                 false => f32::INFINITY,
             },
             candidates: 0,
@@ -167,7 +167,7 @@ impl<'a> Search<'a> {
     #[inline(always)]
     pub(super) fn price(&self, below: &Side, above: &Side, shared: f32) -> f32 {
         let extra = OVERLAP_COST * shared;
-        let side = |side: &Side| (side.bounds.half_area() + extra) * blocks(side.count);
+        let side = |side: &Side| (side.bounds.half_area() + extra) * cost_of(side.count);
         NODE_COST * self.area + LEAF_COST * (side(below) + side(above))
     }
 

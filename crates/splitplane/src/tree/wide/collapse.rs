@@ -5,15 +5,14 @@
 //! subtree costs in 1, 2, ... 8 places follows from the costs of its children; in one place it is
 //! a leaf or a wide node of its own.
 
-use super::WIDTH;
 use super::boxes::{HalfSpace, clipped_box};
+use super::{WIDTH, leaf_cost};
 use crate::geometry::{Aabb, Frame};
 use crate::tree::nodes::{Layout, View};
 use crate::tree::{Tree, with_nodes};
 
-/// Cost of a visit of a wide node, and of a leaf, each of a ray that meets its box.
+/// Cost of a visit of a wide node, of a ray that meets its box, in units of that of a full leaf.
 const NODE_COST: f64 = 1.0;
-const LEAF_COST: f64 = 1.0;
 
 /// A part of the binary tree that can become a child of a wide node.
 #[derive(Clone, Debug)]
@@ -72,6 +71,11 @@ impl Few {
         &self.triangles[..self.count]
     }
 
+    /// What a leaf of them costs, of rays that meet its box.
+    fn cost(&self, bounds: &Aabb) -> f64 {
+        f64::from(leaf_cost(self.count)) * half_area(bounds)
+    }
+
     /// All of both, unless they are too many.
     fn union(&self, other: &Few) -> Option<Few> {
         let mut all = Few::of(&[]);
@@ -92,7 +96,7 @@ struct Solved {
     /// How many items and triangles there were before those of the subtree.
     before: (usize, usize),
     bounds: Aabb,
-    /// Cost in 1, 2, ... 8 places: visits, each by the area of the box (half its surface).
+    /// Cost in 1, 2, ... 8 places: visits, of leaves as their triangles need, each by the area of the box (half its surface).
     costs: [f64; WIDTH],
     /// The triangles of the subtree, if they fit a leaf.
     few: Option<Few>,
@@ -206,7 +210,7 @@ impl<N: Layout> Solver<'_, N> {
             index,
             before,
             bounds,
-            costs: [LEAF_COST * half_area(&bounds); WIDTH],
+            costs: [few.cost(&bounds); WIDTH],
             few: Some(few),
         }
     }
@@ -257,10 +261,9 @@ impl<N: Layout> Solver<'_, N> {
                 }
             }
         }
-        let area = half_area(&bounds);
-        let as_node = NODE_COST * area + open[WIDTH - 1];
-        let as_leaf = few.filter(|_| LEAF_COST * area <= as_node);
-        let mut costs = [as_leaf.map_or(as_node, |_| LEAF_COST * area); WIDTH];
+        let as_node = NODE_COST * half_area(&bounds) + open[WIDTH - 1];
+        let as_leaf = few.filter(|few| few.cost(&bounds) <= as_node);
+        let mut costs = [as_leaf.map_or(as_node, |few| few.cost(&bounds)); WIDTH];
         // Only boxes of its own frame fit the wide node above; eight places are those of a node.
         for m in 1..WIDTH - 1 {
             costs[m] = costs[m - 1];
