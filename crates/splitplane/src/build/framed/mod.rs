@@ -183,7 +183,7 @@ pub(super) fn grow(mesh: &Mesh, watched: &Watched) -> Option<Built> {
 /// What so many references will cost where they are met, in units of a full leaf.
 #[inline(always)]
 pub(super) fn cost_of(count: usize) -> f32 {
-    // One leaf or more, whichever is more.
+    // Of a single leaf, or of as many full ones as they fill.
     leaf_cost(count).max(count as f32 / WIDTH as f32)
 }
 

@@ -96,7 +96,7 @@ struct Solved {
     /// How many items and triangles there were before those of the subtree.
     before: (usize, usize),
     bounds: Aabb,
-    /// Cost in 1, 2, ... 8 places: visits, of leaves as their triangles need, each by the area of the box (half its surface).
+    /// Cost in 1, 2, ... 8 places: that of visits, each by the area of the box (half its surface).
     costs: [f64; WIDTH],
     /// The triangles of the subtree, if they fit a leaf.
     few: Option<Few>,
