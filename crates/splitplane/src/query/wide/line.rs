@@ -9,20 +9,27 @@ use crate::tree::wide::{WIDTH, Wide, WideNode};
 /// furthest point from the ray's origin along an axis, R.
 ///
 /// 16 for the triangle test (`TEST_ERROR` in `traverse`), along any direction. In a frame,
-/// coordinates are up to √3 · R. The origin is rounded when the centre is taken off, three times on
-/// its way into the frame and once with the margin; the direction three times; the origin's product
-/// with the inverse direction, a box's distance times it, and the inverse once each: 11 · √3 < 20;
-/// without fused multiply-add the box's product is one more. The rest is for R and the margin being
-/// rounded themselves.
+/// coordinates are up to √3 · R. The origin is rounded when the centre is taken off and three times
+/// on its way into the frame; the direction three times; the origin's product with the inverse
+/// direction, that with the margin, a box's distance times the inverse, and the inverse once each:
+/// 11 · √3 < 20; without fused multiply-add the box's product is one more. The rest is for R and the
+/// margin being rounded themselves.
 const BOX_ERROR: f32 = 40.0;
 
-/// Components of the direction that are smaller are taken for this large: where the largest one is
-/// not below 2^-20, they move the ray by less than any rounding. With it no product overflows.
+/// Components of the direction are taken for at least this large: where the largest one is not below
+/// 2^-20, that moves the ray by less than any rounding. With it no product overflows.
 pub(super) const SMALLEST: f32 = 1e-18;
 
-/// With a margin as large as this, beyond 10^17 between a ray's origin and a scene, all boxes are
-/// visited.
-const FAR_MARGIN: f32 = 1e12;
+/// With a larger margin, beyond 10^17 between a ray's origin and a scene, all boxes are visited.
+const LARGEST_MARGIN: f32 = 1e12;
+
+/// What a ray that is far away is taken for, in every frame: one that is within a box for longer
+/// than any t, wherever the box is, unless it is absent and its sides are infinite.
+const FAR_DIRECTION: Vec3A = Vec3A::splat(1e3);
+const FAR_MARGIN: f32 = 3e38;
+
+/// t of such a ray is multiplied by this.
+const FAR_SCALE: f32 = f32::from_bits((127 - 20) << 23);
 
 /// Within this many half extents of a scene all rays have the same margin.
 const NEAR: f32 = 4.0;
@@ -30,10 +37,12 @@ const NEAR: f32 = 4.0;
 /// From this distance on, products of lengths may overflow.
 const FAR_REACH: f32 = 1e9;
 
-/// Whether a ray's direction needs no care.
+/// Whether a ray's numbers are finite and its direction needs no care.
 #[inline(always)]
-pub(super) fn is_ordinary(ray: &Ray) -> bool {
-    ORDINARY.contains(&exponent(Vec3A::from(ray.direction)))
+pub(super) fn is_ordinary(origin: Vec3A, direction: Vec3A) -> bool {
+    // A number times 0 is 0 if it is finite, otherwise not a number, and then the sum is none.
+    let size = (direction.abs() + origin * 0.0).element_sum();
+    ORDINARY.contains(&(size.to_bits() >> 23))
 }
 
 /// Whether a reach is such that no product overflows.
@@ -42,13 +51,9 @@ pub(super) fn is_near(reach: f32) -> bool {
     reach < FAR_REACH
 }
 
-#[inline(always)]
-fn exponent(direction: Vec3A) -> u32 {
-    direction.abs().max_element().to_bits() >> 23
-}
-
-/// Biased exponents of a direction's largest component that need no care: from 2^-20 to 2^20.
-const ORDINARY: std::ops::Range<u32> = 127 - 20..127 + 20;
+/// Biased exponents of the sum of a direction's components that need no care: their largest one is
+/// between 2^-20 and 2^20, being at least a third of the sum.
+const ORDINARY: std::ops::Range<u32> = 127 - 18..127 + 20;
 
 /// A row of a node's boxes, by where it begins in the node, in bytes.
 #[derive(Clone, Copy)]
@@ -109,29 +114,61 @@ pub(super) struct Line {
 }
 
 impl Line {
+    /// `None` for a ray that hits nothing, whatever there is.
     #[inline(always)]
-    pub(super) fn new(wide: &Wide, ray: &Ray) -> Self {
+    pub(super) fn new(wide: &Wide, ray: &Ray) -> Option<Self> {
+        // Nor is it so where one of them is not a number.
+        let has_interval = ray.t_min < ray.t_max;
+        if !has_interval {
+            return None;
+        }
         let origin = Vec3A::from(ray.origin) - Vec3A::from(wide.center);
         let direction = Vec3A::from(ray.direction);
         let reach = origin.abs().max_element() + wide.half_extent;
+        if !(is_ordinary(origin, direction) && is_near(reach)) {
+            return Line::with_care(ray, origin, reach);
+        }
         // Most rays begin in the scene or near it; theirs is known before their origin is.
         let margin = match reach < NEAR * wide.half_extent {
             true => margin(NEAR * wide.half_extent),
             false => margin_apart(reach),
         };
-        // An origin that is far away may overflow to what is not a number.
-        let (direction, scale, reach) =
-            match ORDINARY.contains(&exponent(direction)) && is_near(reach) {
-                true => (direction, 1.0, reach),
-                false => with_care(ray, margin, reach),
-            };
-        Line {
+        Some(Line {
             origin,
             direction,
             margin,
-            scale,
+            scale: 1.0,
             reach,
+        })
+    }
+
+    /// The same for a ray that is far away or has an extreme direction: that is divided by a power
+    /// of two.
+    #[cold]
+    fn with_care(ray: &Ray, origin: Vec3A, reach: f32) -> Option<Self> {
+        if !ray.is_valid() {
+            return None;
         }
+        let direction = glam::Vec3::from(ray.direction).as_dvec3();
+        // Every f32 is a normal f64.
+        let exponent = direction.abs().max_element().to_bits() >> 52;
+        let per_scale = f64::from_bits((2 * 1023 - exponent) << 52);
+        let scale = f64::from_bits(exponent << 52) as f32;
+        // Not 0, by which an infinite t would become none: only far away may this be more than it
+        // should, and there all boxes are met at any t.
+        let line = |origin, direction, margin, scale: f32| Line {
+            origin,
+            direction,
+            margin,
+            scale: scale.max(f32::from_bits(1)),
+            reach: if is_near(reach) { reach } else { f32::INFINITY },
+        };
+        let margin = margin(reach);
+        Some(match is_far(margin) {
+            // The origin may have overflown to what is not a number.
+            true => line(Vec3A::ZERO, FAR_DIRECTION, FAR_MARGIN, scale * FAR_SCALE),
+            false => line(origin, (direction * per_scale).as_vec3a(), margin, scale),
+        })
     }
 
     /// No less than a t of the ray. It is multiplied exactly, unless it gets too small to be normal.
@@ -165,6 +202,9 @@ impl Line {
 /// Apart and from values, so that what is always there stays in registers.
 #[inline(never)]
 fn turned(origin: Vec3A, direction: Vec3A, margin: f32, frame: &Frame) -> FrameRay {
+    if is_far(margin) {
+        return along(origin, direction, margin);
+    }
     let [a, b, c] = frame.rows;
     let x = Vec3A::new(a[0], b[0], c[0]);
     let y = Vec3A::new(a[1], b[1], c[1]);
@@ -179,18 +219,12 @@ fn turned(origin: Vec3A, direction: Vec3A, margin: f32, frame: &Frame) -> FrameR
 
 #[inline(always)]
 fn along(origin: Vec3A, direction: Vec3A, margin: f32) -> FrameRay {
-    if is_far(margin) {
-        return FAR;
-    }
-    let size = direction.abs().max(Vec3A::splat(SMALLEST));
-    let inverse = Vec3A::ONE / size.copysign(direction);
-    let margin = Vec3A::splat(margin).copysign(direction);
+    let inverse = Vec3A::ONE / (direction + Vec3A::splat(SMALLEST).copysign(direction));
+    let offset = -origin * inverse;
+    let margin = margin * inverse.abs();
     FrameRay {
         inverse: inverse.to_array(),
-        offsets: [
-            (-(origin + margin) * inverse).to_array(),
-            (-(origin - margin) * inverse).to_array(),
-        ],
+        offsets: [(offset - margin).to_array(), (offset + margin).to_array()],
         rows: &ROWS[direction.is_negative_bitmask() as usize & 7],
     }
 }
@@ -215,36 +249,5 @@ fn margin_apart(reach: f32) -> f32 {
 
 #[inline(always)]
 fn is_far(margin: f32) -> bool {
-    margin >= FAR_MARGIN || margin.is_nan()
+    margin > LARGEST_MARGIN || margin.is_nan()
 }
-
-/// The direction of a ray that is far away or has an extreme direction, divided by a power of two,
-/// that power, and the reach.
-#[cold]
-fn with_care(ray: &Ray, margin: f32, reach: f32) -> (Vec3A, f32, f32) {
-    let direction = glam::Vec3::from(ray.direction).as_dvec3();
-    // Every f32 is a normal f64.
-    let exponent = direction.abs().max_element().to_bits() >> 52;
-    let per_scale = f64::from_bits((2 * 1023 - exponent) << 52);
-    let scale = f64::from_bits(exponent << 52) as f32;
-    let far_scale = if is_far(margin) { FAR_SCALE } else { 1.0 };
-    let reach = match is_near(reach) {
-        true => reach,
-        false => f32::INFINITY,
-    };
-    // Not 0, by which an infinite t would become none: only far away may this be more than it
-    // should, and there all boxes are met at any t.
-    let scale = (scale * far_scale).max(f32::from_bits(1));
-    ((direction * per_scale).as_vec3a(), scale, reach)
-}
-
-/// t of a ray that is far away is multiplied by this, so that it is well between the two ends of
-/// [`FAR`].
-const FAR_SCALE: f32 = f32::from_bits((127 - 20) << 23);
-
-/// A ray that meets all boxes but the absent ones, whose sides are infinite.
-const FAR: FrameRay = FrameRay {
-    inverse: [1e-3; 3],
-    offsets: [[f32::MIN; 3], [f32::MAX; 3]],
-    rows: &ROWS[0],
-};

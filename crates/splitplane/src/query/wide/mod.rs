@@ -62,8 +62,8 @@ fn walk<L: Lanes, S: Search>(
     counters: &mut impl Counters,
     space: &mut Space<Link, FrameRay>,
 ) {
-    if ray.is_valid() {
-        let mut cursor = Cursor::<L>::new(wide, ray, search, space);
+    if let Some(line) = Line::new(wide, ray) {
+        let mut cursor = Cursor::<L>::new(line, ray, search, space);
         while cursor.step(wide, search, counters) {}
     }
 }
@@ -179,12 +179,11 @@ struct Cursor<'s, L> {
 impl<'s, L: Lanes> Cursor<'s, L> {
     #[inline(always)]
     fn new(
-        wide: &Wide,
+        line: Line,
         ray: &Ray,
         search: &impl Search,
         space: &'s mut Space<Link, FrameRay>,
     ) -> Self {
-        let line = Line::new(wide, ray);
         let (t_min, limit) = (line.t_below(ray.t_min), line.t_above(search.limit_above()));
         let FrameRay {
             inverse,

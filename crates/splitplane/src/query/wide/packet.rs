@@ -443,7 +443,8 @@ pub(super) fn traverse<L: Lanes, Q: Question>(
     let (mut origins, mut directions) = ([[[0.0; WIDTH]; PARTS]; 3], [[[0.0; WIDTH]; PARTS]; 3]);
     let (mut t_min, mut limits) = ([[0.0; WIDTH]; PARTS], [[0.0; WIDTH]; PARTS]);
     for (i, ray) in rays.iter().enumerate() {
-        if !(ray.is_valid() && line::is_ordinary(ray)) {
+        let (origin, direction) = (Vec3A::from(ray.origin), Vec3A::from(ray.direction));
+        if !(ray.is_valid() && line::is_ordinary(origin, direction)) {
             return false;
         }
         let (part, lane) = (i / WIDTH, i % WIDTH);
