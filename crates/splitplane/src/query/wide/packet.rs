@@ -444,7 +444,7 @@ pub(super) fn traverse<L: Lanes, Q: Question>(
     let (mut t_min, mut limits) = ([[0.0; WIDTH]; PARTS], [[0.0; WIDTH]; PARTS]);
     for (i, ray) in rays.iter().enumerate() {
         let (origin, direction) = (Vec3A::from(ray.origin), Vec3A::from(ray.direction));
-        if !(ray.is_valid() && line::is_ordinary(origin, direction)) {
+        if !(ray.has_range() && line::is_ordinary(origin, direction)) {
             return false;
         }
         let (part, lane) = (i / WIDTH, i % WIDTH);
