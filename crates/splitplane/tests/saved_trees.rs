@@ -269,3 +269,55 @@ fn a_file_is_written_whole_or_not_at_all() {
     let missing = Tree::load(folder.path().join("none.spt"), &mesh);
     assert!(matches!(missing, Err(LoadError::Read(_))));
 }
+
+/// The tree in these bytes, read out of them and used where it lies in a file.
+#[allow(unsafe_code)]
+fn both(bytes: &[u8], mesh: &Mesh) -> [Result<Tree, String>; 2] {
+    let file = tempfile::NamedTempFile::new().unwrap();
+    std::fs::write(&file, bytes).unwrap();
+    // SAFETY: nobody else knows the file; it is removed, not changed, below.
+    let mapped = unsafe { Tree::load_mapped(file.path(), mesh) };
+    #[cfg(unix)]
+    drop(file);
+    [Tree::from_bytes(bytes, mesh), mapped].map(|tree| tree.map_err(|e| e.to_string()))
+}
+
+#[test]
+fn a_mapped_tree_is_the_same_and_as_well_checked() {
+    let mesh = soup(12, 1.0);
+    for tree in trees(&mesh, &BuildParams::default()) {
+        let bytes = saved(&tree);
+        let [read, mapped] = both(&bytes, &mesh).map(Result::unwrap);
+        assert!(read == tree && mapped == tree);
+        let copy = mapped.clone();
+        drop(mapped);
+        ask(&copy);
+        let step = if tree.choice().spec.name == "framed" {
+            1
+        } else {
+            61
+        };
+        for i in (0..bytes.len()).step_by(step) {
+            let mut changed = bytes.clone();
+            changed[i] ^= 0x80;
+            let mut files = vec![bytes[..i].to_vec(), changed.clone()];
+            if (12..bytes.len() - 32).contains(&i) {
+                files.push(with_sum(changed));
+            }
+            for file in files {
+                match both(&file, &mesh) {
+                    [Ok(read), Ok(mapped)] => {
+                        assert!(read == mapped);
+                        ask(&mapped);
+                    }
+                    [read, mapped] => assert_eq!(read.unwrap_err(), mapped.unwrap_err()),
+                }
+            }
+        }
+    }
+    let folder = tempfile::tempdir().unwrap();
+    // SAFETY: there is no file.
+    #[allow(unsafe_code)]
+    let error = unsafe { Tree::load_mapped(folder.path(), &mesh) };
+    assert!(matches!(error, Err(LoadError::NotATree)));
+}

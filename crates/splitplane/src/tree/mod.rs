@@ -4,6 +4,7 @@ mod card;
 pub(crate) mod nodes;
 mod saved;
 mod section;
+mod stored;
 mod validate;
 pub(crate) mod wide;
 
@@ -17,9 +18,10 @@ use crate::catalog::{Directions, TreeChoice, TreeSpec};
 use crate::geometry::{Aabb, Mesh, Ray};
 use crate::query::{self, ClosestPoint, Coherence, Counters, Hit, Place, Traversal};
 use nodes::{BoxNode, IndexedNode, KdNode, ObliqueNode, Shared};
+use stored::Stored;
 use wide::Wide;
 
-/// A tree over a mesh, ready for queries. Cloning copies the nodes, not the mesh.
+/// A tree over a mesh, ready for queries. Cloning copies neither the nodes nor the mesh.
 ///
 /// Two trees are equal if they have the same name, parameters and nodes; meshes are not compared.
 #[derive(Clone, Debug)]
@@ -28,7 +30,7 @@ pub struct Tree {
     choice: TreeChoice,
     params: BuildParams,
     nodes: Nodes,
-    references: Vec<u32>,
+    references: Stored<u32>,
     shared: Shared,
     expected: Expected,
     stats: BuildStats,
@@ -83,10 +85,10 @@ impl std::str::FromStr for Layout {
 /// The nodes, in the layout that the tree's planes need.
 #[derive(Clone, Debug)]
 pub(crate) enum Nodes {
-    Kd(Vec<KdNode>),
-    Indexed(Vec<IndexedNode>),
-    Boxes(Vec<BoxNode>),
-    Oblique(Vec<ObliqueNode>),
+    Kd(Stored<KdNode>),
+    Indexed(Stored<IndexedNode>),
+    Boxes(Stored<BoxNode>),
+    Oblique(Stored<ObliqueNode>),
 }
 
 /// A layout of nodes, by name.
@@ -130,19 +132,19 @@ macro_rules! with_nodes {
     ($tree:expr, $nodes:ident => $body:expr) => {
         match $tree.nodes() {
             $crate::tree::Nodes::Kd($nodes) => {
-                let $nodes = $nodes.as_slice();
+                let $nodes = &**$nodes;
                 $body
             }
             $crate::tree::Nodes::Indexed($nodes) => {
-                let $nodes = $nodes.as_slice();
+                let $nodes = &**$nodes;
                 $body
             }
             $crate::tree::Nodes::Boxes($nodes) => {
-                let $nodes = $nodes.as_slice();
+                let $nodes = &**$nodes;
                 $body
             }
             $crate::tree::Nodes::Oblique($nodes) => {
-                let $nodes = $nodes.as_slice();
+                let $nodes = &**$nodes;
                 $body
             }
         }
@@ -200,19 +202,19 @@ impl Tree {
         let (nodes, references) = match Kind::of(spec) {
             Kind::Boxes => {
                 let (nodes, references) = nodes::store(built.pieces, &shared)?;
-                (Nodes::Boxes(nodes), references)
+                (Nodes::Boxes(nodes.into()), references)
             }
             Kind::Indexed => {
                 let (nodes, references) = nodes::store(built.pieces, &shared)?;
-                (Nodes::Indexed(nodes), references)
+                (Nodes::Indexed(nodes.into()), references)
             }
             Kind::Kd => {
                 let (nodes, references) = nodes::store(built.pieces, &shared)?;
-                (Nodes::Kd(nodes), references)
+                (Nodes::Kd(nodes.into()), references)
             }
             Kind::Oblique => {
                 let (nodes, references) = nodes::store(built.pieces, &shared)?;
-                (Nodes::Oblique(nodes), references)
+                (Nodes::Oblique(nodes.into()), references)
             }
         };
         Ok(Tree {
@@ -221,7 +223,7 @@ impl Tree {
             params: params.clone(),
             nodes,
             shared,
-            references,
+            references: references.into(),
             expected: built.expected.over(mesh.bounds().surface_area()),
             stats: built.stats,
             place: Tree::place_over(mesh, params),
@@ -270,8 +272,8 @@ impl Tree {
         let wide = Wide::of(&self)?;
         card.bytes = wide.bytes() as u64;
         card.wide = Some(wide.card());
-        self.nodes = Nodes::Kd(Vec::new());
-        self.references = Vec::new();
+        self.nodes = Nodes::Kd(Vec::new().into());
+        self.references = Vec::new().into();
         self.shared = Shared::default();
         self.wide = Some((wide, card));
         Ok(self)

@@ -2,7 +2,8 @@
 //!
 //! A file says what it is and in which version of this format, then of which mesh the tree is and
 //! how it was built, then lists the nodes as they are in memory, and ends with the SHA-256 of all
-//! before. Numbers are little-endian. The vertices are not in it: a tree is loaded over its mesh.
+//! before. Numbers are little-endian; lists begin at multiples of 64 bytes, so that a file can be
+//! mapped into memory and used as it is. The vertices are not in it: a tree is loaded over its mesh.
 //!
 //! Nothing that is read is trusted: a length is held against what is left of the file before memory
 //! is asked for, and every index against what it points into. So a file that was made to deceive,
@@ -11,13 +12,17 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Write};
+use std::panic::{RefUnwindSafe, UnwindSafe};
 use std::path::Path;
+use std::sync::Arc;
 
 use bytemuck::Pod;
+use memmap2::Mmap;
 use sha2::{Digest, Sha256};
 
 use super::nodes::Shared;
-use super::wide::{MAX_FRAMES, Wide};
+use super::stored::{self, Stored};
+use super::wide::{MAX_FRAMES, Wide, WideNode};
 use super::{Kind, Layout, Nodes, Tree, TreeCard, ValidateError, with_nodes};
 use crate::build::{BuildParams, BuildStats, DepthLimit, Expected, ObliquePricing, Ties};
 use crate::catalog::{MAX_DIRECTION_COUNT, ParseTreeError, TreeChoice};
@@ -28,9 +33,12 @@ use crate::whole::write_whole;
 const MAGIC: [u8; 8] = *b"\x89SPT\r\n\x1a\n";
 
 /// Grows whenever what a file holds, or what that means, changes.
-const VERSION: u32 = 3;
+const VERSION: u32 = 4;
 
 const SUM: u64 = 32;
+
+/// Lists begin at multiples of it.
+const ALIGNMENT: u64 = align_of::<WideNode>() as u64;
 
 /// Why a saved tree was not loaded.
 #[derive(Debug, thiserror::Error)]
@@ -113,10 +121,7 @@ impl Tree {
     /// # Errors
     /// What `to` says.
     pub fn write_to(&self, to: &mut impl Write) -> io::Result<()> {
-        let mut out = Output {
-            to,
-            sum: Sha256::new(),
-        };
+        let mut out = Output::new(to);
         out.bytes(&mut MAGIC.clone())?;
         out.u32(&mut VERSION.clone())?;
         let mut head = Head {
@@ -149,29 +154,58 @@ impl Tree {
                 pass_card(&mut out, &mut card.clone())?;
             }
         }
-        let Output { to, sum } = out;
+        let Output { to, sum, .. } = out;
         to.write_all(&sum.finalize())
     }
 
     /// Reads a tree that [`Tree::save`] wrote, over the same mesh.
     ///
-    /// The file is read, not mapped: a file that others may change while it is mapped could change
-    /// under a query, and all of it is looked at anyway. Its sum is checked, and every index in it,
+    /// The nodes are copied: whatever becomes of the file, the tree stays as it is;
+    /// [`Tree::load_mapped`] copies nothing. The sum of the file is checked, and every index in it,
     /// so that no file leads a query astray; see [`LoadError`].
     ///
     /// # Errors
     /// The file cannot be read, is not a saved tree, is damaged, or is that of another mesh.
     pub fn load(path: impl AsRef<Path>, mesh: &Mesh) -> Result<Tree, LoadError> {
-        let file = File::open(path)?;
-        let metadata = file.metadata()?;
-        if !metadata.is_file() {
+        let (file, size) = open(path.as_ref())?;
+        load(BufReader::with_capacity(1 << 16, file), size, None, mesh)
+    }
+
+    /// As [`Tree::load`], but the nodes stay in the file, which is mapped into memory as long as the
+    /// tree or a clone of it is there: processes that have the same tree share one copy, and what
+    /// is rarely asked for can leave memory. All of it is read once and checked, as ever.
+    ///
+    /// ```
+    /// # use splitplane::{Mesh, Tree};
+    /// # let folder = std::env::temp_dir().join(format!("splitplane-map-{}", std::process::id()));
+    /// # std::fs::create_dir_all(&folder)?;
+    /// # let path = folder.join("tree.spt");
+    /// # let mesh = Mesh::new(vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![[0, 1, 2]])?;
+    /// Tree::new(&mesh)?.save(&path)?;
+    /// // SAFETY: nobody but `save` writes there, which never changes a file that is there.
+    /// let tree = unsafe { Tree::load_mapped(&path, &mesh) }?;
+    /// assert_eq!(tree, Tree::new(&mesh)?);
+    /// # drop(tree);
+    /// # std::fs::remove_dir_all(&folder)?;
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Safety
+    /// As long as the tree or a clone of it is there, nobody changes the file in place or cuts it
+    /// short: a query would go where the changed nodes lead. To remove it or to put another in its
+    /// place, as [`Tree::save`] does, is no such change (Windows refuses it).
+    ///
+    /// # Errors
+    /// Those of [`Tree::load`]; or the system has no such mapping.
+    #[allow(unsafe_code)]
+    pub unsafe fn load_mapped(path: impl AsRef<Path>, mesh: &Mesh) -> Result<Tree, LoadError> {
+        let (file, size) = open(path.as_ref())?;
+        if size == 0 {
             return Err(LoadError::NotATree);
         }
-        load(
-            BufReader::with_capacity(1 << 16, file),
-            metadata.len(),
-            mesh,
-        )
+        // SAFETY: the caller's word.
+        let map = unsafe { stored::map(&file) }?;
+        load(&**map, map.len() as u64, Some(&map), mesh)
     }
 
     /// Reads what [`Tree::write_to`] wrote.
@@ -179,15 +213,33 @@ impl Tree {
     /// # Errors
     /// Those of [`Tree::load`].
     pub fn from_bytes(bytes: &[u8], mesh: &Mesh) -> Result<Tree, LoadError> {
-        load(bytes, bytes.len() as u64, mesh)
+        load(bytes, bytes.len() as u64, None, mesh)
     }
 }
 
-fn load(from: impl Read, size: u64, mesh: &Mesh) -> Result<Tree, LoadError> {
+/// A file that may be a saved tree, and its size.
+fn open(path: &Path) -> Result<(File, u64), LoadError> {
+    let file = File::open(path)?;
+    let metadata = file.metadata()?;
+    match metadata.is_file() {
+        true => Ok((file, metadata.len())),
+        false => Err(LoadError::NotATree),
+    }
+}
+
+/// Reads a tree; what is `mapped`, if anything, is the same that is read.
+fn load(
+    from: impl Read,
+    size: u64,
+    mapped: Option<&Arc<Mmap>>,
+    mesh: &Mesh,
+) -> Result<Tree, LoadError> {
     let mut input = Input {
         from,
+        at: 0,
         left: size,
         sum: Sha256::new(),
+        mapped,
     };
     let (mut magic, mut version) = ([0; 8], 0);
     if size < MAGIC.len() as u64 {
@@ -231,22 +283,22 @@ struct Content {
     head: Head,
     choice: TreeChoice,
     nodes: Nodes,
-    references: Vec<u32>,
+    references: Stored<u32>,
     directions: Vec<[f32; 3]>,
     frames: Vec<Frame>,
     wide: Option<(Wide, TreeCard)>,
 }
 
 impl Content {
-    fn read(input: &mut Input<impl Read>) -> Result<Content, LoadError> {
+    fn read(input: &mut Input<'_, impl Read>) -> Result<Content, LoadError> {
         let mut head = Head::default();
         head.pass(input).map_err(invalid)?;
         let choice: TreeChoice = head.name.parse()?;
         let mut content = Content {
             head,
             choice,
-            nodes: Nodes::Kd(Vec::new()),
-            references: Vec::new(),
+            nodes: Nodes::Kd(Vec::new().into()),
+            references: Vec::new().into(),
             directions: Vec::new(),
             frames: Vec::new(),
             wide: None,
@@ -258,11 +310,11 @@ impl Content {
         Ok(content)
     }
 
-    fn read_lists(&mut self, input: &mut Input<impl Read>) -> io::Result<()> {
+    fn read_lists(&mut self, input: &mut Input<'_, impl Read>) -> io::Result<()> {
         match Layout::ALL.get(self.head.layout as usize) {
             Some(Layout::Binary) => {
-                self.directions = input.list()?;
-                self.frames = input.list()?;
+                self.directions = input.list()?.to_vec();
+                self.frames = input.list()?.to_vec();
                 self.nodes = match Kind::of(self.choice.spec) {
                     Kind::Kd => Nodes::Kd(input.list()?),
                     Kind::Indexed => Nodes::Indexed(input.list()?),
@@ -272,7 +324,7 @@ impl Content {
                 self.references = input.list()?;
             }
             Some(Layout::Wide) => {
-                let scale: Vec<Scale> = input.list()?;
+                let scale: Stored<Scale> = input.list()?;
                 let [
                     Scale {
                         center,
@@ -283,7 +335,7 @@ impl Content {
                     return Err(wrong("one centre of the scene"));
                 };
                 let wide = Wide {
-                    frames: input.list()?,
+                    frames: input.list()?.to_vec(),
                     nodes: input.list()?,
                     leaves: input.list()?,
                     center,
@@ -348,10 +400,8 @@ struct MeshId {
 
 impl MeshId {
     fn of(mesh: &Mesh) -> MeshId {
-        let mut out = Output {
-            to: &mut io::sink(),
-            sum: Sha256::new(),
-        };
+        let mut sink = io::sink();
+        let mut out = Output::new(&mut sink);
         let mut hash = || {
             out.list(mesh.positions())?;
             out.list(mesh.triangles())?;
@@ -588,6 +638,8 @@ trait Pass: Sized {
 
 struct Output<'a, W> {
     to: &'a mut W,
+    /// Bytes so far.
+    at: u64,
     sum: Sha256,
 }
 
@@ -597,8 +649,17 @@ impl<W: Write> Pass for Output<'_, W> {
     }
 }
 
-impl<W: Write> Output<'_, W> {
+impl<'a, W: Write> Output<'a, W> {
+    fn new(to: &'a mut W) -> Self {
+        Output {
+            to,
+            at: 0,
+            sum: Sha256::new(),
+        }
+    }
+
     fn write(&mut self, bytes: &[u8]) -> io::Result<()> {
+        self.at += bytes.len() as u64;
         self.sum.update(bytes);
         self.to.write_all(bytes)
     }
@@ -606,6 +667,7 @@ impl<W: Write> Output<'_, W> {
     /// A list of things that consist of numbers of four bytes, behind their count.
     fn list<T: Pod>(&mut self, list: &[T]) -> io::Result<()> {
         self.u64(&mut (list.len() as u64))?;
+        self.write(&[0; ALIGNMENT as usize][..gap(self.at)])?;
         if cfg!(target_endian = "little") {
             return self.write(bytemuck::cast_slice(list));
         }
@@ -616,30 +678,51 @@ impl<W: Write> Output<'_, W> {
     }
 }
 
-struct Input<R> {
+/// How many bytes lie between this place and the next where a list may begin.
+fn gap(at: u64) -> usize {
+    (at.next_multiple_of(ALIGNMENT) - at) as usize
+}
+
+struct Input<'a, R> {
     from: R,
+    /// Bytes so far.
+    at: u64,
     /// Bytes before the sum.
     left: u64,
     sum: Sha256,
+    /// What is read, if it may be used where it lies.
+    mapped: Option<&'a Arc<Mmap>>,
 }
 
-impl<R: Read> Pass for Input<R> {
+impl<R: Read> Pass for Input<'_, R> {
     fn bytes(&mut self, bytes: &mut [u8]) -> io::Result<()> {
         self.left = (self.left)
             .checked_sub(bytes.len() as u64)
             .ok_or_else(|| wrong("more than there is"))?;
         self.from.read_exact(bytes)?;
+        self.at += bytes.len() as u64;
         self.sum.update(&*bytes);
         Ok(())
     }
 }
 
-impl<R: Read> Input<R> {
-    fn list<T: Pod>(&mut self) -> io::Result<Vec<T>> {
+impl<R: Read> Input<'_, R> {
+    fn list<T: Pod + Send + Sync + UnwindSafe + RefUnwindSafe>(&mut self) -> io::Result<Stored<T>> {
         let mut count = 0;
         self.u64(&mut count)?;
+        let mut empty = [0; ALIGNMENT as usize];
+        let empty = &mut empty[..gap(self.at)];
+        self.bytes(empty)?;
+        if empty.iter().any(|&byte| byte != 0) {
+            return Err(wrong("something between lists"));
+        }
         if count > self.left / size_of::<T>() as u64 {
             return Err(wrong("a list longer than the file"));
+        }
+        if let Some(map) = self.mapped.filter(|_| cfg!(target_endian = "little")) {
+            let list = Stored::mapped(map, self.at as usize, count as usize);
+            self.skip(count * size_of::<T>() as u64)?;
+            return list.ok_or_else(|| wrong("a list where none can be"));
         }
         let mut list = vec![T::zeroed(); count as usize];
         // In parts, so that what was read is still at hand when it is summed up.
@@ -651,16 +734,23 @@ impl<R: Read> Input<R> {
                 *word = u32::from_le(*word);
             }
         }
-        Ok(list)
+        Ok(list.into())
+    }
+
+    /// Reads what others look at, or nobody.
+    fn skip(&mut self, mut bytes: u64) -> io::Result<()> {
+        let mut part = [0; 1 << 14];
+        while bytes > 0 {
+            let count = bytes.min(part.len() as u64);
+            self.bytes(&mut part[..count as usize])?;
+            bytes -= count;
+        }
+        Ok(())
     }
 
     /// Reads what is left, and whether all that was read is what the sum says.
     fn sum_is_right(mut self) -> io::Result<bool> {
-        let mut part = [0; 1 << 12];
-        while self.left > 0 {
-            let count = self.left.min(part.len() as u64) as usize;
-            self.bytes(&mut part[..count])?;
-        }
+        self.skip(self.left)?;
         let mut sum = [0; SUM as usize];
         self.from.read_exact(&mut sum)?;
         Ok(sum == <[u8; SUM as usize]>::from(self.sum.finalize()))

@@ -11,6 +11,7 @@ mod store;
 
 use bytemuck::{Pod, Zeroable};
 
+use super::stored::Stored;
 use super::{Tree, WideCard};
 use crate::build::{BuildError, BuildParams};
 use crate::geometry::{Aabb, Frame};
@@ -98,11 +99,11 @@ impl Link {
 /// A tree in the wide layout.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Wide {
-    pub(crate) nodes: Vec<WideNode>,
+    pub(crate) nodes: Stored<WideNode>,
     /// Ten rows a leaf, as long as the leaf has triangles: the bits of x, y and z of their three
     /// corners, then their indices. Padded so that eight numbers can be read from the start of
     /// every row.
-    pub(crate) leaves: Vec<u32>,
+    pub(crate) leaves: Stored<u32>,
     /// The frames of the nodes, the world's first.
     pub(crate) frames: Vec<Frame>,
     /// The centre of the scene, which boxes are relative to.
@@ -229,7 +230,7 @@ impl Wide {
     }
 
     pub(crate) fn bytes(&self) -> usize {
-        size_of_val(self.nodes.as_slice()) + size_of_val(self.leaves.as_slice())
+        size_of_val(&*self.nodes) + size_of_val(&*self.leaves)
     }
 }
 

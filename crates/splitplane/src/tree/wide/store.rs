@@ -10,7 +10,10 @@ use crate::tree::Tree;
 struct Writer<'a> {
     tree: &'a Tree,
     items: &'a Items,
-    wide: Wide,
+    nodes: Vec<WideNode>,
+    leaves: Vec<u32>,
+    frames: &'a [Frame],
+    center: [f32; 3],
     /// Per item, how likely a ray that meets its box is stopped in it, and at what cost.
     odds: Vec<Odds>,
 }
@@ -32,20 +35,17 @@ pub(super) fn store(tree: &Tree, items: &Items) -> Result<Wide, BuildError> {
     }
     let shared = &tree.shared().frames;
     let (center, half_extent) = Wide::scale(&tree.bounds());
-    let wide = Wide {
-        nodes: Vec::new(),
-        leaves: Vec::new(),
-        frames: match shared.is_empty() {
-            true => vec![Frame::IDENTITY],
-            false => shared.clone(),
-        },
-        center,
-        half_extent,
+    let frames = match shared.is_empty() {
+        true => vec![Frame::IDENTITY],
+        false => shared.clone(),
     };
     let mut writer = Writer {
         tree,
         items,
-        wide,
+        nodes: Vec::new(),
+        leaves: Vec::new(),
+        frames: &frames,
+        center,
         odds: Vec::with_capacity(items.items.len()),
     };
     writer.find_odds();
@@ -57,11 +57,17 @@ pub(super) fn store(tree: &Tree, items: &Items) -> Result<Wide, BuildError> {
         None => writer.node_of(&[], Frame::WORLD),
     };
     // Eight numbers are read from the start of every row.
-    writer.wide.leaves.extend([0; WIDTH]);
-    let mut wide = writer.wide;
-    wide.nodes.shrink_to_fit();
-    wide.leaves.shrink_to_fit();
-    Ok(wide)
+    writer.leaves.extend([0; WIDTH]);
+    let (mut nodes, mut leaves) = (writer.nodes, writer.leaves);
+    nodes.shrink_to_fit();
+    leaves.shrink_to_fit();
+    Ok(Wide {
+        nodes: nodes.into(),
+        leaves: leaves.into(),
+        frames,
+        center,
+        half_extent,
+    })
 }
 
 impl Writer<'_> {
@@ -128,8 +134,8 @@ impl Writer<'_> {
 
     /// Writes a wide node with these items as children.
     fn node_of(&mut self, children: &[usize], frame: u32) -> usize {
-        let index = self.wide.nodes.len();
-        self.wide.nodes.push(WideNode {
+        let index = self.nodes.len();
+        self.nodes.push(WideNode {
             bounds: std::array::from_fn(|row| match row < 3 {
                 true => [f32::INFINITY; WIDTH],
                 false => [f32::NEG_INFINITY; WIDTH],
@@ -138,7 +144,7 @@ impl Writer<'_> {
             frame,
             unused: [0; 7],
         });
-        let center = self.wide.frames[frame as usize].map(self.wide.center.map(f64::from));
+        let center = self.frames[frame as usize].map(self.center.map(f64::from));
         let mut children = children.to_vec();
         // Any-hit queries take children in the order in which they are stored.
         let worth = |&child: &usize| self.odds[child].stopped / self.odds[child].cost;
@@ -146,8 +152,8 @@ impl Writer<'_> {
         for (slot, &child) in children.iter().enumerate() {
             let relative = relative(&self.items.items[child].bounds, center);
             for axis in 0..3 {
-                self.wide.nodes[index].bounds[axis][slot] = relative.min[axis];
-                self.wide.nodes[index].bounds[axis + 3][slot] = relative.max[axis];
+                self.nodes[index].bounds[axis][slot] = relative.min[axis];
+                self.nodes[index].bounds[axis + 3][slot] = relative.max[axis];
             }
         }
         for (slot, &child) in children.iter().enumerate() {
@@ -156,7 +162,7 @@ impl Writer<'_> {
                 Some(leaf) => self.leaf(leaf.start, leaf.count),
                 None => Link::node(self.node(child)),
             };
-            self.wide.nodes[index].children[slot] = link;
+            self.nodes[index].children[slot] = link;
         }
         index
     }
@@ -167,12 +173,12 @@ impl Writer<'_> {
             .iter()
             .map(|&triangle| self.tree.mesh().corners(triangle))
             .collect();
-        let start = self.wide.leaves.len() / LEAF_ROWS;
+        let start = self.leaves.len() / LEAF_ROWS;
         for row in 0..9 {
             let row = corners.iter().map(|corners| corners[row / 3][row % 3]);
-            self.wide.leaves.extend(row.map(f32::to_bits));
+            self.leaves.extend(row.map(f32::to_bits));
         }
-        self.wide.leaves.extend_from_slice(triangles);
+        self.leaves.extend_from_slice(triangles);
         Link::leaf(start, count)
     }
 }
