@@ -3,7 +3,8 @@ use glam::Vec3A;
 /// A ray: the points `origin + t · direction` with `t_min < t <= t_max`.
 ///
 /// `t` is in multiples of the direction's length; the direction need not be normalised.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
 pub struct Ray {
     /// Where `t` is 0, in scene units.

@@ -30,6 +30,8 @@ pub(super) trait Lanes: Copy {
     /// A bit for each pair that is ordered so.
     fn lt(self, other: Self) -> u32;
     fn to_array(self) -> [f32; 8];
+    /// Of eight rows, the columns.
+    fn columns(rows: &[[f32; 8]; 8]) -> [Self; 8];
     /// Asks for 320 bytes of memory, as many as a leaf has at most, since they will be needed soon;
     /// any address will do.
     fn prefetch(address: *const u8);
@@ -112,6 +114,10 @@ impl Lanes for Portable {
     #[inline(always)]
     fn to_array(self) -> [f32; 8] {
         self.0
+    }
+    #[inline(always)]
+    fn columns(rows: &[[f32; 8]; 8]) -> [Self; 8] {
+        std::array::from_fn(|column| Portable(rows.map(|row| row[column])))
     }
     #[inline(always)]
     fn prefetch(_: *const u8) {}
@@ -301,11 +307,54 @@ mod avx2 {
             array
         }
         #[inline(always)]
+        fn columns([a, b, c, d, e, f, g, h]: &[[f32; 8]; 8]) -> [Self; 8] {
+            // SAFETY: see `Avx2`; 0 and 4 are where halves of eight numbers begin.
+            unsafe {
+                let [x, y, z, w] =
+                    four_columns([half(a, e, 0), half(b, f, 0), half(c, g, 0), half(d, h, 0)]);
+                let [s, t, u, v] =
+                    four_columns([half(a, e, 4), half(b, f, 4), half(c, g, 4), half(d, h, 4)]);
+                [x, y, z, w, s, t, u, v]
+            }
+        }
+        #[inline(always)]
         fn prefetch(address: *const u8) {
             for line in 0..5 {
                 // SAFETY: see `Avx2`; a prefetch reads nothing that the program sees.
                 unsafe { _mm_prefetch::<_MM_HINT_T0>(address.wrapping_add(64 * line).cast()) };
             }
+        }
+    }
+
+    /// Half of each of two rows, the half that begins at 0 or 4.
+    ///
+    /// # Safety
+    /// Where there is an [`Avx2`]; `at` is 0 or 4.
+    #[inline(always)]
+    unsafe fn half(row: &[f32; 8], other: &[f32; 8], at: usize) -> __m256 {
+        // SAFETY: from there on there are four numbers more.
+        unsafe {
+            let low = _mm256_castps128_ps256(_mm_loadu_ps(row.as_ptr().add(at)));
+            _mm256_insertf128_ps::<1>(low, _mm_loadu_ps(other.as_ptr().add(at)))
+        }
+    }
+
+    /// Of four rows of four, and of four more beside them, the columns.
+    ///
+    /// # Safety
+    /// Where there is an [`Avx2`].
+    #[inline(always)]
+    unsafe fn four_columns([a, b, c, d]: [__m256; 4]) -> [Avx2; 4] {
+        // SAFETY: the caller's word.
+        unsafe {
+            let (ab, cd) = (_mm256_unpacklo_ps(a, b), _mm256_unpacklo_ps(c, d));
+            let (more_ab, more_cd) = (_mm256_unpackhi_ps(a, b), _mm256_unpackhi_ps(c, d));
+            [
+                Avx2(_mm256_shuffle_ps::<0x44>(ab, cd)),
+                Avx2(_mm256_shuffle_ps::<0xee>(ab, cd)),
+                Avx2(_mm256_shuffle_ps::<0x44>(more_ab, more_cd)),
+                Avx2(_mm256_shuffle_ps::<0xee>(more_ab, more_cd)),
+            ]
         }
     }
 }

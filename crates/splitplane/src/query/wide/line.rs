@@ -3,6 +3,7 @@
 use glam::Vec3A;
 
 use crate::geometry::{Frame, Ray};
+use crate::query::simd::Lanes;
 use crate::tree::wide::{WIDTH, Wide, WideNode};
 
 /// How far a box is widened on every side, in units of ε/2 times the distance of the scene's
@@ -101,13 +102,21 @@ pub(super) struct FrameRay {
     pub(super) rows: &'static Rows,
 }
 
+/// Where a [`Line`] is found.
+pub(super) trait Course: Copy {
+    fn line(&self) -> Line;
+    /// The line as boxes of the world see it.
+    fn in_world(&self) -> FrameRay;
+}
+
 /// A ray as the traversal sees it: relative to the centre of the scene.
+#[derive(Clone, Copy)]
 pub(super) struct Line {
-    origin: Vec3A,
-    direction: Vec3A,
-    margin: f32,
+    pub(super) origin: Vec3A,
+    pub(super) direction: Vec3A,
+    pub(super) margin: f32,
     /// t of the traversal over t of the ray: a power of two.
-    scale: f32,
+    pub(super) scale: f32,
     /// No point of the scene is further from the origin along an axis; infinite where products
     /// with it may overflow.
     pub(super) reach: f32,
@@ -184,11 +193,6 @@ impl Line {
     }
 
     #[inline(always)]
-    pub(super) fn in_world(&self) -> FrameRay {
-        along(self.origin, self.direction, self.margin)
-    }
-
-    #[inline(always)]
     pub(super) fn in_frame(&self, frame: u32, frames: &[Frame]) -> FrameRay {
         turned(
             self.origin,
@@ -196,6 +200,18 @@ impl Line {
             self.margin,
             &frames[frame as usize],
         )
+    }
+}
+
+impl Course for Line {
+    #[inline(always)]
+    fn line(&self) -> Line {
+        *self
+    }
+
+    #[inline(always)]
+    fn in_world(&self) -> FrameRay {
+        along(self.origin, self.direction, self.margin)
     }
 }
 
@@ -227,6 +243,36 @@ fn along(origin: Vec3A, direction: Vec3A, margin: f32) -> FrameRay {
         offsets: [(offset - margin).to_array(), (offset + margin).to_array()],
         rows: &ROWS[direction.is_negative_bitmask() as usize & 7],
     }
+}
+
+/// As [`along`], along an axis, of a ray for each lane.
+#[inline(always)]
+pub(super) fn slabs<L: Lanes>(origin: L, direction: L, margin: L) -> (L, L, L) {
+    let smallest = L::splat(SMALLEST).times_sign(direction);
+    let inverse = L::splat(1.0).div(direction.add(smallest));
+    let offset = origin.times_sign(L::splat(-1.0)).mul(inverse);
+    let margin = margin.mul(inverse.abs());
+    (inverse, offset.sub(margin), offset.add(margin))
+}
+
+/// A bit for each lane whose ray needs no care, as [`is_ordinary`] and [`is_near`] say.
+#[inline(always)]
+pub(super) fn are_ordinary<L: Lanes>([ox, oy, oz]: [L; 3], [dx, dy, dz]: [L; 3], reach: L) -> u32 {
+    let zero = L::splat(0.0);
+    let sum = (dx.abs().add(ox.mul(zero)))
+        .add(dy.abs().add(oy.mul(zero)))
+        .add(dz.abs().add(oz.mul(zero)));
+    let [low, high] = [ORDINARY.start, ORDINARY.end].map(|e| f32::from_bits(e << 23));
+    L::splat(low).le(sum) & sum.lt(L::splat(high)) & reach.lt(L::splat(FAR_REACH))
+}
+
+/// The margin of a ray for each lane.
+#[inline(always)]
+pub(super) fn margins<L: Lanes>(reach: L, wide: &Wide) -> L {
+    let reach = reach.max(L::splat(NEAR * wide.half_extent));
+    let unit = reach.mul(L::splat(0.5 * f32::EPSILON));
+    unit.add(L::splat(f32::from_bits(1)))
+        .mul(L::splat(BOX_ERROR))
 }
 
 #[inline(always)]

@@ -13,6 +13,7 @@
 mod leaf;
 mod line;
 mod packet;
+mod ready;
 mod stack;
 
 use std::ops::ControlFlow;
@@ -22,8 +23,9 @@ use super::batch::{Coherence, Question};
 use super::simd::{Instructions, Lanes, Task};
 use super::traverse::Search;
 use crate::geometry::{Frame, Ray};
-use crate::tree::wide::{Child, Link, Wide, WideNode};
-use line::{FrameRay, Line, Rows};
+use crate::tree::wide::{Child, Link, WIDTH, Wide, WideNode};
+use line::{Course, FrameRay, Line, Rows};
+use ready::Ready;
 use stack::{Frames, Space, Stack};
 
 #[inline(always)]
@@ -50,20 +52,29 @@ impl<S: Search, C: Counters> Task for Walk<'_, S, C> {
             counters,
         } = self;
         let mut space = Space::NEW;
-        walk::<L, S>(wide, ray, search, counters, &mut space);
+        walk::<L, S>(
+            wide,
+            Line::new(wide, ray),
+            ray,
+            search,
+            counters,
+            &mut space,
+        );
     }
 }
 
+/// `course` is none for a ray that hits nothing, whatever there is.
 #[inline(always)]
 fn walk<L: Lanes, S: Search>(
     wide: &Wide,
+    course: Option<impl Course>,
     ray: &Ray,
     search: &mut S,
     counters: &mut impl Counters,
     space: &mut Space<Link, FrameRay>,
 ) {
-    if let Some(line) = Line::new(wide, ray) {
-        let mut cursor = Cursor::<L>::new(line, ray, search, space);
+    if let Some(course) = course {
+        let mut cursor = Cursor::<L, _>::new(course, ray, search, space);
         while cursor.step(wide, search, counters) {}
     }
 }
@@ -125,10 +136,14 @@ impl<Q: Question> Task for Batch<'_, Q> {
             {
                 continue;
             }
-            for (ray, answer) in rays.iter().zip(answers) {
-                let mut search = Q::search(ray);
-                walk::<L, _>(wide, ray, &mut search, &mut (), &mut space);
-                *answer = Q::answer(&search);
+            let answers = answers.chunks_mut(WIDTH);
+            for (rays, answers) in rays.chunks(WIDTH).zip(answers) {
+                let ready = Ready::new::<L>(wide, rays);
+                for (i, (ray, answer)) in rays.iter().zip(answers).enumerate() {
+                    let mut search = Q::search(ray);
+                    walk::<L, _>(wide, ready.get(i), ray, &mut search, &mut (), &mut space);
+                    *answer = Q::answer(&search);
+                }
             }
         }
     }
@@ -160,8 +175,8 @@ fn traverse_all_with<Q: Question>(
 }
 
 /// Where a ray is on its way through a tree.
-struct Cursor<'s, L> {
-    line: Line,
+struct Cursor<'s, L, C> {
+    course: C,
     stack: Stack<'s, Link>,
     frames: Frames<'s, FrameRay>,
     frame: u32,
@@ -176,20 +191,21 @@ struct Cursor<'s, L> {
     next: Link,
 }
 
-impl<'s, L: Lanes> Cursor<'s, L> {
+impl<'s, L: Lanes, C: Course> Cursor<'s, L, C> {
     #[inline(always)]
     fn new(
-        line: Line,
+        course: C,
         ray: &Ray,
         search: &impl Search,
         space: &'s mut Space<Link, FrameRay>,
     ) -> Self {
+        let line = course.line();
         let (t_min, limit) = (line.t_below(ray.t_min), line.t_above(search.limit_above()));
         let FrameRay {
             inverse,
             offsets: [entry, exit],
             rows,
-        } = line.in_world();
+        } = course.in_world();
         let (stack, frames) = space.emptied();
         Cursor {
             stack,
@@ -203,7 +219,7 @@ impl<'s, L: Lanes> Cursor<'s, L> {
             ray_t_min: ray.t_min,
             limit,
             next: Link::ROOT,
-            line,
+            course,
         }
     }
 
@@ -211,7 +227,7 @@ impl<'s, L: Lanes> Cursor<'s, L> {
     fn enter(&mut self, frame: u32, wide: &Wide) {
         let ray = match self.frames.get(frame) {
             Some(ray) => ray,
-            None => (self.frames).meet(frame, self.line.in_frame(frame, &wide.frames)),
+            None => (self.frames).meet(frame, self.course.line().in_frame(frame, &wide.frames)),
         };
         self.inverse = splats(ray.inverse);
         self.entry = splats(ray.offsets[0]);
@@ -243,12 +259,12 @@ impl<'s, L: Lanes> Cursor<'s, L> {
             Child::Leaf { start, count } => {
                 counters.leaf_visit(count as u32);
                 counters.triangle_tests(count as u32);
-                let from = (self.ray_t_min, self.line.reach);
+                let from = (self.ray_t_min, self.course.line().reach);
                 match leaf::visit::<L, S>(wide, (start, count), from, search) {
                     ControlFlow::Break(()) => return false,
                     ControlFlow::Continue(false) => {}
                     ControlFlow::Continue(true) => {
-                        self.limit = self.line.t_above(search.limit_above());
+                        self.limit = self.course.line().t_above(search.limit_above());
                     }
                 }
                 self.pop::<S>(wide)
