@@ -333,12 +333,14 @@ pub fn build_and_cast(bytes: &[u8]) {
     let count = rays.len().next_multiple_of(TOGETHER);
     let rays: Vec<_> = rays.into_iter().cycle().take(count).collect();
     let truths: Vec<_> = truths.into_iter().cycle().take(count).collect();
-    let (mut hits, mut any) = (vec![None; count], vec![false; count]);
-    wide.closest_hits_as(Coherence::Coherent, &rays, &mut hits);
-    wide.any_hits_as(Coherence::Coherent, &rays, &mut any);
-    assert_eq!(hits, truths, "{choice}, together: {rays:?}");
-    let truths: Vec<_> = truths.iter().map(Option::is_some).collect();
-    assert_eq!(any, truths, "{choice}, together: {rays:?}");
+    let is_hit: Vec<_> = truths.iter().map(Option::is_some).collect();
+    for coherence in [Coherence::Coherent, Coherence::Incoherent] {
+        let (mut hits, mut any) = (vec![None; count], vec![false; count]);
+        wide.closest_hits_as(coherence, &rays, &mut hits);
+        wide.any_hits_as(coherence, &rays, &mut any);
+        assert_eq!(hits, truths, "{choice}, {coherence:?}: {rays:?}");
+        assert_eq!(any, is_hit, "{choice}, {coherence:?}: {rays:?}");
+    }
 }
 
 /// Rays that go through a tree together.
@@ -380,8 +382,10 @@ pub fn saved_tree(bytes: &[u8]) {
         .take(TOGETHER)
         .collect();
     let (mut together, mut any) = ([None; TOGETHER], [false; TOGETHER]);
-    tree.closest_hits_as(Coherence::Coherent, &rays, &mut together);
-    tree.any_hits_as(Coherence::Coherent, &rays, &mut any);
+    for coherence in [Coherence::Coherent, Coherence::Incoherent] {
+        tree.closest_hits_as(coherence, &rays, &mut together);
+        tree.any_hits_as(coherence, &rays, &mut any);
+    }
     tree.triangles_in_box(&tree.bounds(), &mut ());
     tree.section(Axis::X, 0.1, u32::MAX);
     tree.card();

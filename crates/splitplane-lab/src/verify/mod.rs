@@ -178,7 +178,7 @@ pub fn verify(
             let mut leaks = vec![Leaks::default(); table.rows.len()];
             let mut all = Vec::new();
             let probes: Vec<Probe> = (first..last).map(|i| set.probe(i)).collect();
-            let batches: Vec<Batch> = trees.iter().map(|t| Batch::of(t, &probes)).collect();
+            let batches: Vec<_> = trees.iter().map(|t| Batch::both(t, &probes)).collect();
             for (i, probe) in probes.iter().enumerate() {
                 let mesh = (first + (i as u64) < by_brute_force).then_some(set.mesh());
                 let asked = trees.iter().zip(&batches);
@@ -225,31 +225,34 @@ fn in_all_layouts(
     Ok(trees)
 }
 
-/// What a tree answered a batch of rays, which went through it together, however far apart.
+/// What a tree answered a batch of rays.
 struct Batch {
     closest: Vec<Option<Hit>>,
     any: Vec<bool>,
 }
 
 impl Batch {
-    fn of(tree: &Tree, probes: &[Probe]) -> Batch {
+    /// When they went through it together, however far apart, and when each went alone.
+    fn both(tree: &Tree, probes: &[Probe]) -> [Batch; 2] {
         let rays: Vec<Ray> = probes.iter().map(|probe| probe.ray).collect();
-        let mut batch = Batch {
-            closest: vec![None; rays.len()],
-            any: vec![false; rays.len()],
-        };
-        tree.closest_hits_as(Coherence::Coherent, &rays, &mut batch.closest);
-        tree.any_hits_as(Coherence::Coherent, &rays, &mut batch.any);
-        batch
+        [Coherence::Coherent, Coherence::Incoherent].map(|coherence| {
+            let mut batch = Batch {
+                closest: vec![None; rays.len()],
+                any: vec![false; rays.len()],
+            };
+            tree.closest_hits_as(coherence, &rays, &mut batch.closest);
+            tree.any_hits_as(coherence, &rays, &mut batch.any);
+            batch
+        })
     }
 }
 
-/// Asks all trees one ray, and what they answered it as the one of that index in a batch. The truth
+/// Asks all trees one ray, and what they answered it as the one of that index in batches. The truth
 /// is that of brute force where the mesh is given; `all` is room for hits.
 fn ask<'t>(
     Probe { ray, expect }: &Probe,
     index: usize,
-    trees: impl Iterator<Item = (&'t Tree, &'t Batch)> + Clone,
+    trees: impl Iterator<Item = (&'t Tree, &'t [Batch; 2])> + Clone,
     mesh: Option<&Mesh>,
     all: &mut Vec<Hit>,
     leaks: &mut [Leaks],
@@ -264,13 +267,16 @@ fn ask<'t>(
         hits.min_by(|a, b| a.t.total_cmp(&b.t).then(a.triangle.cmp(&b.triangle)))
     };
     leaks[0] += Leaks::of(truth, truth, *expect, Hit::eq);
-    for (((tree, batch), answer), leaks) in trees.zip(answers).zip(&mut leaks[1..]) {
+    for (((tree, batches), answer), leaks) in trees.zip(answers).zip(&mut leaks[1..]) {
         let mut found = Leaks::of(answer, truth, *expect, Hit::eq);
         if found.is_tight() {
             tree.all_hits(ray, all, &mut ());
-            let any = [tree.any_hit(ray, &mut ()), batch.any[index]];
-            let closest = [all.first().copied(), batch.closest[index]];
-            if any != [truth.is_some(); 2] || closest != [truth; 2] {
+            let mut right = all.first() == truth.as_ref();
+            right &= tree.any_hit(ray, &mut ()) == truth.is_some();
+            for batch in batches {
+                right &= batch.closest[index] == truth && batch.any[index] == truth.is_some();
+            }
+            if !right {
                 found = Leaks::WRONG;
             }
         }

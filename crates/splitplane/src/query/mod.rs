@@ -414,13 +414,15 @@ mod tests {
                         Ray::new(origin, std::array::from_fn(|i| target[i] - origin[i]))
                     })
                     .collect();
-                // Together, though they go anywhere.
                 let nearest: Vec<_> = rays.iter().map(|ray| brute_force(&mesh, ray)).collect();
                 let (mut together, mut any) = (vec![None; rays.len()], vec![false; rays.len()]);
-                wide.closest_hits_as(Coherence::Coherent, &rays, &mut together);
-                prop_assert_eq!(&together, &nearest, "{} {:?}", choice, rays);
-                wide.any_hits_as(Coherence::Coherent, &rays, &mut any);
-                prop_assert!(any.iter().zip(&nearest).all(|(&any, hit)| any == hit.is_some()));
+                // Together, though they go anywhere; and each alone.
+                for coherence in [Coherence::Coherent, Coherence::Incoherent] {
+                    wide.closest_hits_as(coherence, &rays, &mut together);
+                    prop_assert_eq!(&together, &nearest, "{} {:?}", choice, rays);
+                    wide.any_hits_as(coherence, &rays, &mut any);
+                    prop_assert!(any.iter().zip(&nearest).all(|(&any, hit)| any == hit.is_some()));
+                }
                 for (ray, nearest) in rays.into_iter().zip(nearest) {
                     let all = all_hits::test_all(&mesh, &ray);
                     // The second of all hits is the nearest without the first.
