@@ -99,7 +99,9 @@ pub fn watched_tree(
                 )));
             }
             bar.spin(format!("{}: loading the tree", path.display()));
-            Ok(load_tree(path, mesh, settings)?)
+            Ok(load_tree(path, mesh, settings, |path, mesh| {
+                splitplane::Tree::load(path, mesh)
+            })?)
         }
     }
 }

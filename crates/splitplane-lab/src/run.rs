@@ -6,7 +6,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use splitplane::{
-    BuildError, BuildParams, Counts, Layout, Mesh, Progress, Traversal, Tree, TreeCard, TreeChoice,
+    BuildError, BuildParams, Counts, Layout, LoadError, Mesh, Progress, Traversal, Tree, TreeCard,
+    TreeChoice,
 };
 use splitplane_render::render::{self, LeafSizes, RenderSettings, Rendered, SceneTree, render};
 use splitplane_render::scene::{Scene, settings::Integrator};
@@ -315,17 +316,22 @@ pub fn save_tree(path: &Path, tree: &Tree) -> Result<(), LabError> {
     })
 }
 
-/// Loads a tree that was saved, over its mesh; the settings then have the parameters that it was
-/// built with.
+/// Loads a tree that was saved, over its mesh, by `load`, which is [`Tree::load`] or what maps the
+/// file; the settings then have the parameters that the tree was built with.
 ///
 /// # Errors
 /// The file cannot be read, is no saved tree, is damaged, or is that of another mesh; or a
 /// traversal that there is not in a layout.
-pub fn load_tree(path: &Path, mesh: &Mesh, settings: &mut Settings) -> Result<Built, LabError> {
+pub fn load_tree(
+    path: &Path,
+    mesh: &Mesh,
+    settings: &mut Settings,
+    load: impl FnOnce(&Path, &Mesh) -> Result<Tree, LoadError>,
+) -> Result<Built, LabError> {
     let machine = Machine::now();
-    let load = OthersLoad::start();
+    let others = OthersLoad::start();
     let start = Instant::now();
-    let tree = Tree::load(path, mesh).map_err(|source| LabError::LoadTree {
+    let tree = load(path, mesh).map_err(|source| LabError::LoadTree {
         path: path.to_owned(),
         source,
     })?;
@@ -346,7 +352,7 @@ pub fn load_tree(path: &Path, mesh: &Mesh, settings: &mut Settings) -> Result<Bu
         seconds,
         threads: 1,
         machine,
-        others_load: load.stop(),
+        others_load: others.stop(),
     })
 }
 

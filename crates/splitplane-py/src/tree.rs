@@ -16,6 +16,19 @@ use crate::scenes::Stop;
 type Array1<'py, T> = Bound<'py, PyArray1<T>>;
 type Array2<'py, T> = Bound<'py, PyArray2<T>>;
 
+fn read(path: &Path, mesh: &Mesh) -> Result<splitplane::Tree, LoadError> {
+    splitplane::Tree::load(path, mesh)
+}
+
+#[allow(
+    unsafe_code,
+    reason = "who asks for it is told, as by `numpy.load(mmap_mode=...)`"
+)]
+fn mapped(path: &Path, mesh: &Mesh) -> Result<splitplane::Tree, LoadError> {
+    // SAFETY: `RaycastingScene.load` asks its caller to leave the file as it is.
+    unsafe { splitplane::Tree::load_mapped(path, mesh) }
+}
+
 /// What Open3D gives where nothing is hit.
 const MISS: u32 = u32::MAX;
 
@@ -325,13 +338,22 @@ impl Tree {
         Tree::over(py, mesh_of(&meshes)?, (tree, layout), nthreads)
     }
 
-    /// The tree in a file, over meshes as for a tree that is built.
+    /// The tree in a file, over meshes as for a tree that is built; mapped into memory if so
+    /// asked.
     #[staticmethod]
-    fn load(py: Python<'_>, path: PathBuf, meshes: Vec<Arrays<'_>>) -> PyResult<Self> {
+    fn load(py: Python<'_>, path: PathBuf, meshes: Vec<Arrays<'_>>, mmap: bool) -> PyResult<Self> {
         let (mesh, parts) = mesh_of(&meshes)?;
         let mut settings = Settings::of_preset(Preset::Default);
         let built = interruptible(py, |_| {
-            let built = splitplane_lab::load_tree(&path, &mesh, &mut settings);
+            let built = splitplane_lab::load_tree(
+                &path,
+                &mesh,
+                &mut settings,
+                match mmap {
+                    true => mapped,
+                    false => read,
+                },
+            );
             built.map(|built| (built, settings))
         })?;
         let (built, settings) = built.map_err(|error| match error {

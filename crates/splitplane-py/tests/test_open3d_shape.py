@@ -307,11 +307,12 @@ def test_a_saved_scene_answers_as_before(tmp_path):
     for layout in ("binary", "wide"):
         first = scene(tree="wn+kd:6", layout=layout)
         first.save(path)
-        again = scene(tree="kd").load(path)
-        expected = first.cast_rays(rays, stats=True)
-        for name, array in again.cast_rays(rays, stats=True).items():
-            assert np.array_equal(array, expected[name]), name
-        assert again.card()["tree"] == "wn+kd" and "wn+kd:6" in repr(again)
+        for mmap in (False, True):
+            again = scene(tree="kd").load(path, mmap=mmap)
+            expected = first.cast_rays(rays, stats=True)
+            for name, array in again.cast_rays(rays, stats=True).items():
+                assert np.array_equal(array, expected[name]), name
+            assert again.card()["tree"] == "wn+kd" and "wn+kd:6" in repr(again)
 
 
 def test_a_file_that_is_not_the_trees_is_refused(tmp_path):
@@ -320,11 +321,13 @@ def test_a_file_that_is_not_the_trees_is_refused(tmp_path):
     path = tmp_path / "one.spt"
     scene.save(path)
     scene.add_triangles(*torus(24))
-    with pytest.raises(ValueError, match="tree of another mesh"):
-        scene.load(path)
+    for mmap in (False, True):
+        with pytest.raises(ValueError, match="tree of another mesh"):
+            scene.load(path, mmap=mmap)
     path.write_bytes(path.read_bytes()[:-1])
-    with pytest.raises(ValueError, match="damaged"):
-        scene.load(path)
+    for mmap in (False, True):
+        with pytest.raises(ValueError, match="damaged"):
+            scene.load(path, mmap=mmap)
     with pytest.raises(FileNotFoundError, match="none.spt"):
         scene.load(tmp_path / "none.spt")
     with pytest.raises(FileNotFoundError):

@@ -237,17 +237,24 @@ class RaycastingScene:
         """Writes the tree to a file (``.spt``), whole or not at all; the meshes are not in it."""
         self._tree.save(os.fspath(path))
 
-    def load(self, path: str | os.PathLike[str]) -> RaycastingScene:
+    def load(self, path: str | os.PathLike[str], *, mmap: bool = False) -> RaycastingScene:
         """Takes the tree from a file instead of building it, over the meshes that were added.
 
         The file is checked, and so is that it is the tree of these meshes. Tree and layout are
         those of the file until a mesh is added.
 
+        Args:
+            path: Where ``save`` has written the tree of the same meshes.
+            mmap: Use the tree where it lies in the file, which is mapped into memory: processes
+                that have the same tree share one copy. The file must then stay as it is: if it is
+                changed in place or cut short, answers may be wrong, or the process ends. To save
+                another tree there is no such change (Windows refuses it).
+
         Raises:
             OSError: The file cannot be read.
             ValueError: It is not a saved tree, is damaged, or is that of other meshes.
         """
-        self._built = _native.Tree.load(os.fspath(path), self._meshes)
+        self._built = _native.Tree.load(os.fspath(path), self._meshes, mmap)
         return self
 
     def build(self) -> RaycastingScene:
