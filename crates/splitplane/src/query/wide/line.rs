@@ -40,7 +40,7 @@ const FAR_REACH: f32 = 1e9;
 
 /// Whether a ray's numbers are finite and its direction needs no care.
 #[inline(always)]
-pub(super) fn is_ordinary(origin: Vec3A, direction: Vec3A) -> bool {
+fn is_ordinary(origin: Vec3A, direction: Vec3A) -> bool {
     // A number times 0 is 0 if it is finite, otherwise not a number, and then the sum is none.
     let size = (direction.abs() + origin * 0.0).element_sum();
     ORDINARY.contains(&(size.to_bits() >> 23))
@@ -255,15 +255,22 @@ pub(super) fn slabs<L: Lanes>(origin: L, direction: L, margin: L) -> (L, L, L) {
     (inverse, offset.sub(margin), offset.add(margin))
 }
 
-/// A bit for each lane whose ray needs no care, as [`is_ordinary`] and [`is_near`] say.
+/// A bit for each lane whose ray needs no care, as [`is_ordinary`] says.
 #[inline(always)]
-pub(super) fn are_ordinary<L: Lanes>([ox, oy, oz]: [L; 3], [dx, dy, dz]: [L; 3], reach: L) -> u32 {
+pub(super) fn are_ordinary<L: Lanes>([ox, oy, oz]: [L; 3], [dx, dy, dz]: [L; 3]) -> u32 {
     let zero = L::splat(0.0);
     let sum = (dx.abs().add(ox.mul(zero)))
         .add(dy.abs().add(oy.mul(zero)))
         .add(dz.abs().add(oz.mul(zero)));
-    let [low, high] = [ORDINARY.start, ORDINARY.end].map(|e| f32::from_bits(e << 23));
-    L::splat(low).le(sum) & sum.lt(L::splat(high)) & reach.lt(L::splat(FAR_REACH))
+    let low = f32::from_bits(ORDINARY.start << 23);
+    let high = f32::from_bits(ORDINARY.end << 23);
+    L::splat(low).le(sum) & sum.lt(L::splat(high))
+}
+
+/// A bit for each lane that [`is_near`].
+#[inline(always)]
+pub(super) fn are_near<L: Lanes>(reach: L) -> u32 {
+    reach.lt(L::splat(FAR_REACH))
 }
 
 /// The margin of a ray for each lane.

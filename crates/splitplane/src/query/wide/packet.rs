@@ -442,18 +442,17 @@ pub(super) fn traverse<L: Lanes, Q: Question>(
     }
     let (mut origins, mut directions) = ([[[0.0; WIDTH]; PARTS]; 3], [[[0.0; WIDTH]; PARTS]; 3]);
     let (mut t_min, mut limits) = ([[0.0; WIDTH]; PARTS], [[0.0; WIDTH]; PARTS]);
-    for (i, ray) in rays.iter().enumerate() {
-        let (origin, direction) = (Vec3A::from(ray.origin), Vec3A::from(ray.direction));
-        if !(ray.has_range() && line::is_ordinary(origin, direction)) {
+    for (part, rays) in rays.as_chunks::<WIDTH>().0.iter().enumerate() {
+        let [ox, oy, oz, dx, dy, dz, low, high] = L::columns(bytemuck::cast_ref(rays));
+        let ordinary = line::are_ordinary([ox, oy, oz], [dx, dy, dz]);
+        // A number is equal to itself.
+        if ordinary & low.le(low) & high.le(high) != u32::MAX >> (32 - WIDTH) {
             return false;
         }
-        let (part, lane) = (i / WIDTH, i % WIDTH);
-        for axis in 0..3 {
-            origins[axis][part][lane] = ray.origin[axis];
-            directions[axis][part][lane] = ray.direction[axis];
-        }
-        t_min[part][lane] = ray.t_min;
-        limits[part][lane] = ray.t_max;
+        (origins[0][part], directions[0][part]) = (ox.to_array(), dx.to_array());
+        (origins[1][part], directions[1][part]) = (oy.to_array(), dy.to_array());
+        (origins[2][part], directions[2][part]) = (oz.to_array(), dz.to_array());
+        (t_min[part], limits[part]) = (low.to_array(), high.to_array());
     }
     let sights = Sights::<L>::new(&origins, &directions);
     // Not by a closure: see the head of `wide`.

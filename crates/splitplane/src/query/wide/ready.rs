@@ -51,7 +51,8 @@ impl Ready {
         let (inverse_x, entry_x, exit_x) = line::slabs(x, dx, margin);
         let (inverse_y, entry_y, exit_y) = line::slabs(y, dy, margin);
         let (inverse_z, entry_z, exit_z) = line::slabs(z, dz, margin);
-        let ordinary = line::are_ordinary(origin, direction, reach) & t_min.lt(t_max);
+        let ordinary =
+            line::are_ordinary(origin, direction) & line::are_near(reach) & t_min.lt(t_max);
         let mut ready = Ready {
             origin: [x.to_array(), y.to_array(), z.to_array()],
             direction: [dx.to_array(), dy.to_array(), dz.to_array()],
