@@ -30,7 +30,7 @@ const fn case(name: &'static str, per: &'static str, run: fn(&Scene)) -> Case {
     Case { name, per, run }
 }
 
-const CASES: [Case; 9] = [
+const CASES: [Case; 10] = [
     case("build kd", "triangle", |scene| build(scene, "kd")),
     case("build wn+kd:6", "triangle", |scene| build(scene, "wn+kd:6")),
     case("build bvh", "triangle", |scene| build(scene, "bvh")),
@@ -53,15 +53,11 @@ const CASES: [Case; 9] = [
             }
         });
     }),
+    case("closest, bounces in batches", "ray", |scene| {
+        closest_in_batches(scene, &scene.bounces())
+    }),
     case("closest, camera in batches", "ray", |scene| {
-        let (tree, rays) = (scene.wide(), scene.camera());
-        let mut hits: Vec<Option<Hit>> = vec![None; rays.len()];
-        counted(&mut || {
-            for (rays, hits) in rays.chunks(1000).zip(hits.chunks_mut(1000)) {
-                tree.closest_hits_as(Coherence::Unknown, rays, hits);
-            }
-        });
-        black_box(hits);
+        closest_in_batches(scene, &scene.camera())
     }),
 ];
 
@@ -82,6 +78,17 @@ fn closest(scene: &Scene, rays: &[Ray]) {
             black_box(tree.closest_hit(ray, &mut ()));
         }
     });
+}
+
+fn closest_in_batches(scene: &Scene, rays: &[Ray]) {
+    let tree = scene.wide();
+    let mut hits: Vec<Option<Hit>> = vec![None; rays.len()];
+    counted(&mut || {
+        for (rays, hits) in rays.chunks(1000).zip(hits.chunks_mut(1000)) {
+            tree.closest_hits_as(Coherence::Unknown, rays, hits);
+        }
+    });
+    black_box(hits);
 }
 
 /// A room with a bumpy ball, turned boxes and slanted slivers.
