@@ -1,6 +1,6 @@
 //! What the command line says.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::{BoolishValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
@@ -506,7 +506,8 @@ pub struct VerifyCommand {
     pub scene: Option<String>,
     #[command(flatten)]
     pub load: LoadArgs,
-    /// Rays of each set, such as 1000000 or 1e6
+    /// Rays of each set, such as 1000000 or 1e6; of a large scene begin with 1e3, since rays from far
+    /// away visit most of it
     #[arg(long, default_value = "1e5", value_name = "N", value_parser = rays, allow_hyphen_values = true)]
     pub rays: u64,
     /// The trees, separated by commas [default: all]
@@ -561,7 +562,20 @@ impl std::str::FromStr for TreeSource {
         let path = PathBuf::from(text.trim());
         match path.extension() {
             Some(end) if end.eq_ignore_ascii_case("spt") => Ok(TreeSource::Saved(path)),
-            _ => text.parse().map(TreeSource::Built),
+            _ => match text.parse() {
+                Err(_) if path.is_file() => Ok(TreeSource::Saved(path)),
+                choice => choice.map(TreeSource::Built),
+            },
+        }
+    }
+}
+
+impl TreeSource {
+    /// The file that is read.
+    pub fn file(&self) -> Option<&Path> {
+        match self {
+            TreeSource::Built(_) => None,
+            TreeSource::Saved(path) => Some(path),
         }
     }
 }
@@ -578,7 +592,8 @@ impl std::fmt::Display for TreeSource {
 /// Which scene, and where to find it.
 #[derive(Debug, Args)]
 pub struct SceneArgs {
-    /// A scene by name (see `splitplane scenes`), or a file: .pbrt, .ply, .obj, .stl
+    /// A scene by name (see `splitplane scenes`), or a file: .pbrt, .pbrt.gz, .gltf, .glb, .ply,
+    /// .obj, .stl
     pub scene: String,
     #[command(flatten)]
     pub load: LoadArgs,
@@ -624,6 +639,13 @@ pub struct SearchArgs {
     pub scenes: Vec<PathBuf>,
 }
 
+impl SceneArgs {
+    /// The file that is read, where it is one.
+    pub fn file(&self) -> &Path {
+        Path::new(&self.scene)
+    }
+}
+
 /// How trees are built.
 #[derive(Debug, Args)]
 #[command(next_help_heading = "How trees are built")]
@@ -637,7 +659,7 @@ pub struct BuildArgs {
     ties: Option<Ties>,
     /// Perfect splits: of a triangle, only what lies in a node's cell counts there; on or off
     /// [default: as the preset says]
-    #[arg(long, value_name = "ON|OFF", value_parser = BoolishValueParser::new())]
+    #[arg(long, value_name = "ON|OFF", value_parser = BoolishValueParser::new(), hide_possible_values = true)]
     clip: Option<bool>,
     /// How oblique nodes are priced in trees with kd nodes [default: as the preset says]
     #[arg(long, value_enum, ignore_case = true)]
@@ -735,12 +757,15 @@ fn duration(text: &str) -> Result<f64, String> {
 
 /// A number of rays, in digits or as 1e6.
 fn rays(text: &str) -> Result<u64, String> {
+    const MOST: f64 = 1e15;
     let text = text.trim().replace('_', "");
     let number = text.parse::<f64>().ok();
     number
-        .filter(|n| (1.0..=1e15).contains(n) && n.fract() == 0.0)
+        .filter(|n| (1.0..=MOST).contains(n) && n.fract() == 0.0)
         .map(|n| n as u64)
-        .ok_or_else(|| "a number of rays is a whole number, such as 100000 or 1e5".to_owned())
+        .ok_or_else(|| {
+            "a number of rays is a whole number up to 1e15, such as 100000 or 1e5".to_owned()
+        })
 }
 
 fn fraction(text: &str) -> Result<f64, String> {

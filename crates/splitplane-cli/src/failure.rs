@@ -76,8 +76,24 @@ pub fn writable_folder(folder: &Path) -> Result<(), Failure> {
     })
 }
 
-/// Checks that the file's folder is there, before any work is done for it.
-pub fn writable_place(file: &Path) -> Result<(), Failure> {
+/// Checks that a file can be where it is to be written, and is none of those that are read, before
+/// any work is done for it.
+pub fn writable_place<'a>(
+    file: &Path,
+    read: impl IntoIterator<Item = &'a Path>,
+) -> Result<(), Failure> {
+    let refused = |why: &str| {
+        let file = file.display();
+        Err(Failure::input(format!("{file} cannot be written: {why}")))
+    };
+    if file.is_dir() {
+        return refused("it is a folder");
+    }
+    if let Ok(place) = file.canonicalize()
+        && (read.into_iter()).any(|read| read.canonicalize().is_ok_and(|read| read == place))
+    {
+        return refused("it is what is read; name another file");
+    }
     let folder = match file.parent() {
         Some(folder) if folder != Path::new("") => folder,
         _ => return Ok(()),
@@ -85,10 +101,6 @@ pub fn writable_place(file: &Path) -> Result<(), Failure> {
     if folder.is_dir() {
         Ok(())
     } else {
-        Err(Failure::input(format!(
-            "{} cannot be written: there is no folder {}",
-            file.display(),
-            folder.display()
-        )))
+        refused(&format!("there is no folder {}", folder.display()))
     }
 }

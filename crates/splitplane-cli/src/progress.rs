@@ -4,7 +4,7 @@ use std::io::IsTerminal;
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::Duration;
 
-use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{HumanDuration, ProgressBar, ProgressDrawTarget, ProgressState, ProgressStyle};
 use splitplane_lab::experiment::{Cell, CellResult, Events, Remaining};
 use splitplane_lab::{Step, Task, Watch};
 use splitplane_render::render::Progress;
@@ -129,9 +129,22 @@ fn style(template: &str, cell: &OnceLock<ProgressStyle>) -> ProgressStyle {
     cell.get_or_init(|| {
         ProgressStyle::with_template(template)
             .unwrap_or_else(|_| ProgressStyle::default_bar())
+            .with_key("left", left)
             .progress_chars("━╸─")
     })
     .clone()
+}
+
+/// The time left if all goes on as it did on the whole. The bar's own figure goes by how fast it went
+/// last, and grows without bounds where one step takes long.
+fn left(state: &ProgressState, to: &mut dyn std::fmt::Write) {
+    let done = state.pos() as f64 / state.len().unwrap_or_default() as f64;
+    let seconds = state.elapsed().as_secs_f64() * (1.0 / done - 1.0);
+    // Nobody can write to a bar and fail in a way that we could tell.
+    let _ = match Duration::try_from_secs_f64(seconds) {
+        Ok(left) => write!(to, "{}", HumanDuration(left)),
+        Err(_) => write!(to, "unknown time"),
+    };
 }
 
 impl Progress for Bar {}
@@ -143,7 +156,7 @@ impl splitplane::Progress for Bar {
         }
         self.bar.set_length(total);
         self.bar.set_style(style(
-            "{spinner} {msg} {wide_bar} {percent:>3} % ({eta} left)",
+            "{spinner} {msg} {wide_bar} {percent:>3} % ({left} left)",
             &RAYS,
         ));
         self.bar.set_position(done);

@@ -9,7 +9,7 @@ use splitplane_lab::{
 };
 use splitplane_render::scene::Instancing;
 
-use crate::args::BuildCommand;
+use crate::args::{BuildCommand, TreeSource};
 use crate::failure::{Failure, writable_place};
 use crate::numbers::{bytes, count, grouped, measured, percent, seconds};
 use crate::progress::{self, Bar};
@@ -18,7 +18,8 @@ use crate::{print, scene};
 pub fn run(command: &BuildCommand) -> Result<(), Failure> {
     let quiet = command.general.quiet;
     if let Some(out) = &command.out {
-        writable_place(out)?;
+        let trees = command.tree.iter().filter_map(TreeSource::file);
+        writable_place(out, trees.chain([command.scene.file()]))?;
         if command.tree.len() > 1 {
             return Err(Failure::input("--out takes one tree; name one with --tree"));
         }

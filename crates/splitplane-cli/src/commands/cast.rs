@@ -17,7 +17,9 @@ use crate::progress::{self, Bar};
 use crate::{print, scene};
 
 pub fn run(command: &CastCommand) -> Result<(), Failure> {
-    writable_place(&command.out)?;
+    let read = [command.scene.file(), &command.rays];
+    let tree = command.tree.as_ref().and_then(TreeSource::file);
+    writable_place(&command.out, read.into_iter().chain(tree))?;
     let quiet = command.general.quiet;
     let rays = read_rays(&command.rays)
         .map_err(|error| Failure::input(format!("{}: {error}", command.rays.display())))?;

@@ -25,7 +25,7 @@ pub fn run(command: &CompareCommand) -> Result<(), Failure> {
     }
     writable_folder(&command.out.out)?;
     if let Some(json) = &command.json {
-        writable_place(json)?;
+        writable_place(json, [command.scene.file()])?;
     }
     let quiet = command.general.quiet;
     let mut settings = command.build.settings(Preset::Thesis, &command.general);

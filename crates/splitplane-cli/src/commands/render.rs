@@ -19,7 +19,8 @@ use crate::{print, scene};
 pub fn run(command: &RenderCommand) -> Result<(), Failure> {
     writable_folder(&command.out.out)?;
     if let Some(json) = &command.json {
-        writable_place(json)?;
+        let tree = command.tree.as_ref().and_then(TreeSource::file);
+        writable_place(json, tree.into_iter().chain([command.scene.file()]))?;
     }
     let quiet = command.general.quiet;
     let mut settings = command.build.settings(Preset::Default, &command.general);

@@ -20,7 +20,7 @@ const NOTABLE: f64 = 0.1;
 
 pub fn run(command: &ReproduceCommand) -> Result<(), Failure> {
     if let Some(out) = &command.out {
-        writable_place(out)?;
+        writable_place(out, [])?;
     }
     let trees = match command.trees.as_slice() {
         [] => trees_of_the_thesis(),

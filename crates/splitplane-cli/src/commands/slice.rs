@@ -11,7 +11,10 @@ use crate::progress::{self, Bar};
 use crate::{print, scene};
 
 pub fn run(command: &SliceCommand) -> Result<(), Failure> {
-    writable_place(&command.out)?;
+    let read = [command.scene.file()]
+        .into_iter()
+        .chain(command.tree.file());
+    writable_place(&command.out, read)?;
     let quiet = command.general.quiet;
     let mut settings = command.build.settings(Preset::Default, &command.general);
     let bar = Bar::new(quiet, 1);

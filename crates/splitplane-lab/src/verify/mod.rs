@@ -15,7 +15,7 @@ use crate::run::{Settings, build};
 pub use probes::{Expect, Probe, ProbeSet};
 
 /// Rays that are asked at once.
-const CHUNK: u64 = 4096;
+const CHUNK: u64 = 256;
 
 /// The most triangles that are tested for the truth of one set of rays: some seconds of work.
 const MOST_TESTS: u64 = 4_000_000_000;

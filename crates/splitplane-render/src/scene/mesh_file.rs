@@ -10,7 +10,7 @@ use super::geometry::{Geometry, Placed, runs};
 use super::image_file::{Channels, Decoding, Images};
 use super::light::AreaLight;
 use super::material::Material;
-use super::polygon::triangulate;
+use super::polygon::Faces;
 use super::texture::{ImageFilter, Mapping, Texture, TextureRef, Wrap};
 use super::view::{self, Up};
 use super::{Contents, Note, Scene, ply};
@@ -34,11 +34,11 @@ struct Found {
     contents: Contents,
     images: Images,
     notes: Vec<Note>,
-    concave: usize,
+    faces: Faces,
 }
 
 impl Found {
-    fn plain(geometry: Geometry, concave: usize, format: &str) -> Self {
+    fn plain(geometry: Geometry, faces: Faces, format: &str) -> Self {
         Found {
             pieces: vec![Placed::plain(geometry, 0)],
             materials: vec![view::matte([0.6; 3])],
@@ -46,7 +46,7 @@ impl Found {
                 format: format.to_owned(),
                 ..Contents::default()
             },
-            concave,
+            faces,
             ..Found::default()
         }
     }
@@ -63,10 +63,13 @@ pub(crate) fn load(path: &Path, name: &str) -> Result<Scene, SceneError> {
     let (mut found, usual_up) = if lower.ends_with(".obj") {
         (obj_scene(&file, path, &whole()?)?, Up::Y)
     } else if lower.ends_with(".stl") {
-        (Found::plain(stl(&file, whole()?)?, 0, "STL"), Up::Z)
+        (
+            Found::plain(stl(&file, whole()?)?, Faces::default(), "STL"),
+            Up::Z,
+        )
     } else {
         let mesh = ply::read(path)?;
-        let mut found = Found::plain(mesh.geometry, mesh.concave, "PLY");
+        let mut found = Found::plain(mesh.geometry, mesh.faces, "PLY");
         if !mesh.colors.is_empty() {
             found.materials = vec![Material::Matte {
                 kd: TextureRef::new(Texture::VertexColor),
@@ -83,16 +86,11 @@ pub(crate) fn load(path: &Path, name: &str) -> Result<Scene, SceneError> {
         ));
     }
     let mut notes = found.notes;
-    if found.concave > 0 {
-        notes.push(Note {
-            place: file.clone(),
-            text: format!(
-                "{} faces are not convex; triangulated by their ears",
-                found.concave
-            ),
-            warning: false,
-        });
-    }
+    notes.extend(found.faces.notes().map(|text| Note {
+        place: file.clone(),
+        text,
+        warning: false,
+    }));
     for (path, reason) in found.images.read() {
         notes.push(Note {
             place: path.display().to_string(),
@@ -148,7 +146,7 @@ fn obj_scene(file: &str, path: &Path, bytes: &[u8]) -> Result<Found, SceneError>
             format: "OBJ".to_owned(),
             ..Contents::default()
         },
-        concave: mesh.concave,
+        faces: mesh.faces,
         ..Found::default()
     };
     let warn = |found: &mut Found, text: String| {
@@ -329,8 +327,7 @@ pub(crate) struct ObjMesh {
     pub(crate) material_names: Vec<String>,
     /// Per triangle, an index into the names.
     pub(crate) materials: Vec<u32>,
-    /// Faces of more than three vertices that are not convex.
-    pub(crate) concave: usize,
+    pub(crate) faces: Faces,
 }
 
 /// Refuses faces that name a vertex, a texture coordinate or a normal that is not there, with the
@@ -481,7 +478,7 @@ pub(crate) fn obj(name: &str, bytes: &[u8]) -> Result<ObjMesh, SceneError> {
                     "a face names a vertex that is not there",
                 ));
             }
-            mesh.concave += usize::from(triangulate(&g.positions, &face, &mut g.triangles));
+            (mesh.faces).add(&g.positions, &face, &mut g.triangles);
         }
         let material = part.material_id.unwrap_or(0) as u32;
         mesh.materials.resize(g.triangles.len(), material);

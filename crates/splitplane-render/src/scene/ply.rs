@@ -4,14 +4,14 @@ use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
-use ply_rs_bw::parser::{Parser, Reader};
+use ply_rs_bw::parser::{ParseError, Parser, Reader};
 use ply_rs_bw::ply::{
     ElementDef, Encoding, Header, Property, PropertyAccess, PropertyAccessResult, PropertyType,
     ScalarType,
 };
 
 use super::geometry::Geometry;
-use super::polygon::triangulate;
+use super::polygon::Faces;
 use crate::error::SceneError;
 
 /// What a PLY file holds.
@@ -22,8 +22,7 @@ pub(crate) struct PlyMesh {
     pub(crate) colors: Vec<[f32; 3]>,
     /// Per triangle, the face property `material`; empty where faces have none.
     pub(crate) materials: Vec<u8>,
-    /// Faces of more than three vertices that are not convex.
-    pub(crate) concave: usize,
+    pub(crate) faces: Faces,
 }
 
 /// Reads the file at `path`.
@@ -106,17 +105,14 @@ fn counts_fit(name: &str, header: &Header, length: usize) -> Result<(), SceneErr
 }
 
 fn parse_plain(name: &str, bytes: &[u8]) -> Result<PlyMesh, SceneError> {
-    let wrong = |error: ply_rs_bw::parser::ParseError| SceneError {
+    let wrong = |error: ParseError| SceneError {
         file: name.to_owned(),
         line: error
             .line()
             .and_then(|line| u32::try_from(line).ok())
             .unwrap_or(0),
         column: 0,
-        message: format!(
-            "not a PLY file that can be read: {}",
-            first_line(&error.to_string())
-        ),
+        message: format!("not a PLY file that can be read: {}", shown(&error)),
     };
     let parser = Parser::<Row>::new();
     let mut reader = Reader::new(bytes);
@@ -168,13 +164,29 @@ fn parse_plain(name: &str, bytes: &[u8]) -> Result<PlyMesh, SceneError> {
     Ok(mesh)
 }
 
-fn first_line(text: &str) -> String {
-    super::pbrt::shortened(
-        text.lines()
-            .next()
-            .unwrap_or_default()
-            .trim_start_matches("Line "),
-    )
+/// What the parser found, and the line that it could not read, as far as it says so.
+fn shown(error: &ParseError) -> String {
+    let text = error.to_string();
+    let mut lines = text.lines();
+    let what = lines.next().unwrap_or_default();
+    // Its place is told apart.
+    let what = match what.strip_prefix("Line ").and_then(|w| w.split_once(": ")) {
+        Some((_, what)) => what,
+        None => what,
+    };
+    let what: String = (what.chars().map(|c| if c.is_control() { ' ' } else { c }))
+        .take(200)
+        .collect();
+    let found = lines.find_map(|line| line.trim().strip_prefix("String: "));
+    match found.map(|line| line.trim_matches('\'')) {
+        Some(line) => {
+            let line = super::pbrt::shortened(line);
+            format!(
+                "{what} \"{line}\" (numbers must be finite, and of the kind that the header says)"
+            )
+        }
+        None => what,
+    }
 }
 
 /// The names that texture coordinates have.
@@ -218,7 +230,7 @@ impl PlyMesh {
             }
         }
         let g = &mut self.geometry;
-        self.concave += usize::from(triangulate(&g.positions, polygon, &mut g.triangles));
+        (self.faces).add(&g.positions, polygon, &mut g.triangles);
         if let Some(material) = material {
             self.materials.resize(g.triangles.len(), material);
         }

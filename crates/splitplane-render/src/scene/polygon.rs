@@ -1,12 +1,50 @@
 //! From polygons to triangles.
 
+/// What became of a mesh's faces that are not triangles.
+#[derive(Clone, Copy, Debug, Default)]
+pub(crate) struct Faces {
+    /// Faces of more than three vertices that are not convex.
+    pub(crate) concave: usize,
+    /// Faces of fewer than three vertices.
+    pub(crate) short: usize,
+}
+
+impl Faces {
+    /// Adds a face's triangles.
+    pub(crate) fn add(
+        &mut self,
+        positions: &[[f32; 3]],
+        polygon: &[u32],
+        triangles: &mut Vec<[u32; 3]>,
+    ) {
+        self.short += usize::from(polygon.len() < 3);
+        self.concave += usize::from(triangulate(positions, polygon, triangles));
+    }
+
+    /// What is to be said of them.
+    pub(crate) fn notes(&self) -> impl Iterator<Item = String> {
+        let count = |count: usize, one: &str, many: &str| match count {
+            0 => None,
+            1 => Some(format!("1 face {one}")),
+            count => Some(format!("{count} faces {many}")),
+        };
+        let concave = count(
+            self.concave,
+            "is not convex; triangulated by its ears",
+            "are not convex; triangulated by their ears",
+        );
+        let short = count(
+            self.short,
+            "has fewer than three vertices; left out",
+            "have fewer than three vertices; left out",
+        );
+        concave.into_iter().chain(short)
+    }
+}
+
 /// Adds the `n - 2` triangles of a polygon of `n` vertices: a fan from its first vertex where it
 /// is convex, else by cutting off ears [Meisters1975]. Gives whether it was not convex.
-pub(crate) fn triangulate(
-    positions: &[[f32; 3]],
-    polygon: &[u32],
-    triangles: &mut Vec<[u32; 3]>,
-) -> bool {
+fn triangulate(positions: &[[f32; 3]], polygon: &[u32], triangles: &mut Vec<[u32; 3]>) -> bool {
     /// Cutting off ears takes time with the square of the vertices, or worse.
     const LARGEST_FOR_EARS: usize = 512;
     let count = polygon.len();

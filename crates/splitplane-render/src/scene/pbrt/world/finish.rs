@@ -189,14 +189,8 @@ impl World<'_> {
                 message: format!("{} (a mesh of {})", error.message, place()),
                 ..error
             })?;
-            if mesh.concave > 0 {
-                self.notes.tell(
-                    path.display().to_string(),
-                    format!(
-                        "{} faces are not convex; triangulated by their ears",
-                        mesh.concave
-                    ),
-                );
+            for text in mesh.faces.notes() {
+                self.notes.tell(path.display().to_string(), text);
             }
             geometries.push(Arc::new(mesh.geometry));
         }
