@@ -82,3 +82,35 @@ fn what_is_not_the_tree_of_the_scene_is_refused_with_a_reason() {
     std::fs::write(&path, "a letter").unwrap();
     refused(&load, "not a saved tree");
 }
+
+#[test]
+fn nothing_that_is_read_is_written_over() {
+    let folder = folder();
+    let scene = hills_scene(folder.path(), "");
+    let content = std::fs::read(&scene).unwrap();
+    let path = scene.to_str().unwrap();
+    let refused = |arguments: &[&str], reason: &str| {
+        let (code, _, err) = outcome(splitplane(&folder).args(arguments));
+        assert_eq!(code, 2, "{arguments:?}");
+        assert!(err.contains(reason), "{err}");
+    };
+    let read = "it is what is read; name another file";
+    refused(&["build", path, "--tree", "kd", "-o", path], read);
+    refused(&["build", path, "--tree", "kd", "-o", "./hills.pbrt"], read);
+    refused(&["slice", path, "--tree", "kd", "-o", path], read);
+    refused(&["compare", path, "--trees", "kd", "--json", path], read);
+    refused(
+        &["build", path, "--tree", "kd", "-o", "."],
+        "it is a folder",
+    );
+    assert_eq!(std::fs::read(&scene).unwrap(), content);
+
+    // Whatever a saved tree is called, it is found.
+    let run = |arguments: &[&str]| outcome(splitplane(&folder).args(arguments)).0;
+    assert_eq!(run(&["build", path, "--tree", "kd", "-o", "saved"]), 0);
+    assert_eq!(
+        run(&["slice", path, "--tree", "saved", "-o", "slice.svg"]),
+        0
+    );
+    refused(&["slice", path, "--tree", "saved", "-o", "saved"], read);
+}

@@ -236,6 +236,29 @@ fn meshes_are_scenes() {
     }
 }
 
+#[test]
+fn what_a_text_file_of_ply_cannot_hold_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ply");
+    let text = std::str::from_utf8(ASCII_PLY).unwrap();
+    std::fs::write(&path, text.replace("1 0 0 9", "nan 0 0 9")).unwrap();
+    let error = read(&path).unwrap_err();
+    let shown = error.to_string();
+    assert_eq!(error.line, 12, "{shown}");
+    assert!(
+        shown.contains("\"nan 0 0 9\" (numbers must be finite"),
+        "{shown}"
+    );
+
+    let faces = text.replace("face 1", "face 3") + "2 0 1\n1 3\n";
+    std::fs::write(&path, faces).unwrap();
+    let scene = read(&path).unwrap();
+    assert_eq!(scene.mesh.triangles().len(), 2);
+    let told = "2 faces have fewer than three vertices; left out";
+    let told = |note: &splitplane_render::scene::Note| note.warning && note.text == told;
+    assert!(scene.notes.iter().any(told), "{:?}", scene.notes);
+}
+
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(1500))]
 

@@ -86,10 +86,10 @@ pub(crate) fn load(path: &Path, name: &str) -> Result<Scene, SceneError> {
         ));
     }
     let mut notes = found.notes;
-    notes.extend(found.faces.notes().map(|text| Note {
+    notes.extend(found.faces.notes().map(|(text, warning)| Note {
         place: file.clone(),
         text,
-        warning: false,
+        warning,
     }));
     for (path, reason) in found.images.read() {
         notes.push(Note {

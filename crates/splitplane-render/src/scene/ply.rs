@@ -180,9 +180,9 @@ fn shown(error: &ParseError) -> String {
     let found = lines.find_map(|line| line.trim().strip_prefix("String: "));
     match found.map(|line| line.trim_matches('\'')) {
         Some(line) => {
-            let line = super::pbrt::shortened(line);
+            let (what, line) = (what.trim_end_matches('.'), super::pbrt::shortened(line));
             format!(
-                "{what} \"{line}\" (numbers must be finite, and of the kind that the header says)"
+                "{what}: \"{line}\" (numbers must be finite, and of the kind that the header says)"
             )
         }
         None => what,

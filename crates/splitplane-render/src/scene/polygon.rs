@@ -21,8 +21,8 @@ impl Faces {
         self.concave += usize::from(triangulate(positions, polygon, triangles));
     }
 
-    /// What is to be said of them.
-    pub(crate) fn notes(&self) -> impl Iterator<Item = String> {
+    /// What is to be said of them, and whether it is a warning.
+    pub(crate) fn notes(&self) -> impl Iterator<Item = (String, bool)> {
         let count = |count: usize, one: &str, many: &str| match count {
             0 => None,
             1 => Some(format!("1 face {one}")),
@@ -38,7 +38,8 @@ impl Faces {
             "has fewer than three vertices; left out",
             "have fewer than three vertices; left out",
         );
-        concave.into_iter().chain(short)
+        let concave = concave.map(|text| (text, false));
+        concave.into_iter().chain(short.map(|text| (text, true)))
     }
 }
 

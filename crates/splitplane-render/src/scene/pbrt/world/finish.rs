@@ -189,8 +189,12 @@ impl World<'_> {
                 message: format!("{} (a mesh of {})", error.message, place()),
                 ..error
             })?;
-            for text in mesh.faces.notes() {
-                self.notes.tell(path.display().to_string(), text);
+            for (text, warning) in mesh.faces.notes() {
+                let place = path.display().to_string();
+                match warning {
+                    true => self.notes.warn(&place, || place.clone(), text),
+                    false => self.notes.tell(place, text),
+                }
             }
             geometries.push(Arc::new(mesh.geometry));
         }
