@@ -55,7 +55,7 @@ soak rays="1e8" times="300":
 
 # The library's `unsafe` under Miri, which takes long; needs a nightly Rust with the components miri and rust-src.
 miri:
-    MIRIFLAGS="-Zmiri-tree-borrows -Zmiri-permissive-provenance" \
+    MIRIFLAGS="-Zmiri-tree-borrows -Zmiri-permissive-provenance -Zmiri-ignore-leaks" \
         cargo +nightly miri test -p splitplane --test small
 
 # The rays of `verify` through other libraries as well, as the table in docs/verify.md.
