@@ -560,12 +560,10 @@ impl std::str::FromStr for TreeSource {
 
     fn from_str(text: &str) -> Result<Self, Self::Err> {
         let path = PathBuf::from(text.trim());
-        match path.extension() {
-            Some(end) if end.eq_ignore_ascii_case("spt") => Ok(TreeSource::Saved(path)),
-            _ => match text.parse() {
-                Err(_) if path.is_file() => Ok(TreeSource::Saved(path)),
-                choice => choice.map(TreeSource::Built),
-            },
+        let is_spt = (path.extension()).is_some_and(|end| end.eq_ignore_ascii_case("spt"));
+        match text.parse() {
+            Err(_) if is_spt || path.is_file() => Ok(TreeSource::Saved(path)),
+            choice => choice.map(TreeSource::Built),
         }
     }
 }
@@ -597,6 +595,13 @@ pub struct SceneArgs {
     pub scene: String,
     #[command(flatten)]
     pub load: LoadArgs,
+}
+
+impl SceneArgs {
+    /// The file that is read, where it is one.
+    pub fn file(&self) -> &Path {
+        Path::new(&self.scene)
+    }
 }
 
 /// How a scene is read.
@@ -637,13 +642,6 @@ pub struct SearchArgs {
     /// SPLITPLANE_SCENES
     #[arg(long, value_name = "DIR")]
     pub scenes: Vec<PathBuf>,
-}
-
-impl SceneArgs {
-    /// The file that is read, where it is one.
-    pub fn file(&self) -> &Path {
-        Path::new(&self.scene)
-    }
 }
 
 /// How trees are built.
@@ -757,11 +755,10 @@ fn duration(text: &str) -> Result<f64, String> {
 
 /// A number of rays, in digits or as 1e6.
 fn rays(text: &str) -> Result<u64, String> {
-    const MOST: f64 = 1e15;
     let text = text.trim().replace('_', "");
     let number = text.parse::<f64>().ok();
     number
-        .filter(|n| (1.0..=MOST).contains(n) && n.fract() == 0.0)
+        .filter(|n| (1.0..=1e15).contains(n) && n.fract() == 0.0)
         .map(|n| n as u64)
         .ok_or_else(|| {
             "a number of rays is a whole number up to 1e15, such as 100000 or 1e5".to_owned()

@@ -285,6 +285,11 @@ impl Notes {
         }
     }
 
+    /// Adds these as they are.
+    pub(crate) fn add(&mut self, notes: impl IntoIterator<Item = Note>) {
+        self.list.extend(notes);
+    }
+
     /// Adds a fact.
     pub(crate) fn tell(&mut self, place: String, text: String) {
         self.list.push(Note {

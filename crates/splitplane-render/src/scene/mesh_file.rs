@@ -86,11 +86,7 @@ pub(crate) fn load(path: &Path, name: &str) -> Result<Scene, SceneError> {
         ));
     }
     let mut notes = found.notes;
-    notes.extend(found.faces.notes().map(|(text, warning)| Note {
-        place: file.clone(),
-        text,
-        warning,
-    }));
+    notes.extend(found.faces.notes(&file));
     for (path, reason) in found.images.read() {
         notes.push(Note {
             place: path.display().to_string(),

@@ -11,6 +11,7 @@ use ply_rs_bw::ply::{
 };
 
 use super::geometry::Geometry;
+use super::pbrt::{shortened, shortened_to};
 use super::polygon::Faces;
 use crate::error::SceneError;
 
@@ -174,13 +175,11 @@ fn shown(error: &ParseError) -> String {
         Some((_, what)) => what,
         None => what,
     };
-    let what: String = (what.chars().map(|c| if c.is_control() { ' ' } else { c }))
-        .take(200)
-        .collect();
+    let what = shortened_to(what, 200);
     let found = lines.find_map(|line| line.trim().strip_prefix("String: "));
     match found.map(|line| line.trim_matches('\'')) {
         Some(line) => {
-            let (what, line) = (what.trim_end_matches('.'), super::pbrt::shortened(line));
+            let (what, line) = (what.trim_end_matches('.'), shortened(line));
             format!(
                 "{what}: \"{line}\" (numbers must be finite, and of the kind that the header says)"
             )

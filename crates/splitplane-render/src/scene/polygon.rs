@@ -1,12 +1,14 @@
 //! From polygons to triangles.
 
+use super::Note;
+
 /// What became of a mesh's faces that are not triangles.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Faces {
     /// Faces of more than three vertices that are not convex.
-    pub(crate) concave: usize,
+    concave: usize,
     /// Faces of fewer than three vertices.
-    pub(crate) short: usize,
+    short: usize,
 }
 
 impl Faces {
@@ -21,25 +23,34 @@ impl Faces {
         self.concave += usize::from(triangulate(positions, polygon, triangles));
     }
 
-    /// What is to be said of them, and whether it is a warning.
-    pub(crate) fn notes(&self) -> impl Iterator<Item = (String, bool)> {
-        let count = |count: usize, one: &str, many: &str| match count {
-            0 => None,
-            1 => Some(format!("1 face {one}")),
-            count => Some(format!("{count} faces {many}")),
+    /// What is to be said of them.
+    pub(crate) fn notes(&self, place: &str) -> impl Iterator<Item = Note> {
+        let note = |count: usize, one: &str, many: &str, warning: bool| {
+            let text = match count {
+                0 => return None,
+                1 => format!("1 face {one}"),
+                count => format!("{count} faces {many}"),
+            };
+            let place = place.to_owned();
+            Some(Note {
+                place,
+                text,
+                warning,
+            })
         };
-        let concave = count(
+        let concave = note(
             self.concave,
             "is not convex; triangulated by its ears",
             "are not convex; triangulated by their ears",
+            false,
         );
-        let short = count(
+        let short = note(
             self.short,
             "has fewer than three vertices; left out",
             "have fewer than three vertices; left out",
+            true,
         );
-        let concave = concave.map(|text| (text, false));
-        concave.into_iter().chain(short.map(|text| (text, true)))
+        concave.into_iter().chain(short)
     }
 }
 

@@ -40,7 +40,6 @@ impl Ray {
         let (origin, direction) = (Vec3A::from(self.origin), Vec3A::from(self.direction));
         // A number times 0 is 0 if it is finite, otherwise not a number.
         let is_finite = origin * 0.0 + direction * 0.0 == Vec3A::ZERO;
-        let has_range = !self.t_min.is_nan() && !self.t_max.is_nan();
-        is_finite && direction != Vec3A::ZERO && has_range
+        is_finite && direction != Vec3A::ZERO && !self.t_min.is_nan() && !self.t_max.is_nan()
     }
 }

@@ -21,8 +21,8 @@ pub(crate) struct Stored<T> {
     keeper: Arc<dyn Keeper>,
 }
 
-/// Whatever items may lie in.
-trait Keeper: Any + Send + Sync + UnwindSafe + RefUnwindSafe {}
+/// Whatever items may lie in, and items themselves.
+pub(crate) trait Keeper: Any + Send + Sync + UnwindSafe + RefUnwindSafe {}
 
 impl<T: Any + Send + Sync + UnwindSafe + RefUnwindSafe> Keeper for T {}
 
@@ -42,7 +42,7 @@ impl<T> Deref for Stored<T> {
     }
 }
 
-impl<T: Any + Send + Sync + UnwindSafe + RefUnwindSafe> From<Vec<T>> for Stored<T> {
+impl<T: Keeper> From<Vec<T>> for Stored<T> {
     fn from(list: Vec<T>) -> Stored<T> {
         let keeper = Arc::new(list);
         Stored {

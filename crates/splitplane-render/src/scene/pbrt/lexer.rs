@@ -44,13 +44,17 @@ pub(crate) struct Token {
 
 /// Text short enough for a message.
 pub(crate) fn shortened(text: &str) -> String {
-    const LONGEST: usize = 40;
+    shortened_to(text, 40)
+}
+
+/// The same, with so many characters at most.
+pub(crate) fn shortened_to(text: &str, longest: usize) -> String {
     let mut short: String = text
         .chars()
-        .take(LONGEST)
+        .take(longest)
         .map(|c| if c.is_control() { '\u{fffd}' } else { c })
         .collect();
-    if text.chars().nth(LONGEST).is_some() {
+    if text.chars().nth(longest).is_some() {
         short.push('…');
     }
     short

@@ -16,5 +16,5 @@ mod textures;
 mod v4;
 mod world;
 
-pub(crate) use lexer::shortened;
+pub(crate) use lexer::{shortened, shortened_to};
 pub(crate) use world::load;

@@ -189,13 +189,8 @@ impl World<'_> {
                 message: format!("{} (a mesh of {})", error.message, place()),
                 ..error
             })?;
-            for (text, warning) in mesh.faces.notes() {
-                let place = path.display().to_string();
-                match warning {
-                    true => self.notes.warn(&place, || place.clone(), text),
-                    false => self.notes.tell(place, text),
-                }
-            }
+            self.notes
+                .add(mesh.faces.notes(&path.display().to_string()));
             geometries.push(Arc::new(mesh.geometry));
         }
         let placed = |piece: &Piece| Placed {
