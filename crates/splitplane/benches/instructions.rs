@@ -30,7 +30,7 @@ const fn case(name: &'static str, per: &'static str, run: fn(&Scene)) -> Case {
     Case { name, per, run }
 }
 
-const CASES: [Case; 10] = [
+const CASES: [Case; 11] = [
     case("build kd", "triangle", |scene| build(scene, "kd")),
     case("build wn+kd:6", "triangle", |scene| build(scene, "wn+kd:6")),
     case("build bvh", "triangle", |scene| build(scene, "bvh")),
@@ -52,6 +52,9 @@ const CASES: [Case; 10] = [
                 black_box(tree.any_hit(ray, &mut ()));
             }
         });
+    }),
+    case("closest, chords in batches", "ray", |scene| {
+        closest_in_batches(scene, &scene.chords())
     }),
     case("closest, bounces in batches", "ray", |scene| {
         closest_in_batches(scene, &scene.bounces())

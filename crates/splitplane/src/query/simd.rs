@@ -176,7 +176,9 @@ impl Instructions {
         if std::arch::is_x86_feature_detected!("avx2")
             && std::arch::is_x86_feature_detected!("fma")
             && std::arch::is_x86_feature_detected!("bmi1")
+            && std::arch::is_x86_feature_detected!("bmi2")
             && std::arch::is_x86_feature_detected!("lzcnt")
+            && std::arch::is_x86_feature_detected!("popcnt")
         {
             let more = std::arch::is_x86_feature_detected!("avx512f")
                 && std::arch::is_x86_feature_detected!("avx512vl")
@@ -215,15 +217,15 @@ mod avx2 {
     use std::arch::x86_64::*;
 
     /// # Safety
-    /// The machine must have AVX2, FMA, BMI1 and LZCNT.
-    #[target_feature(enable = "avx2,fma,bmi1,lzcnt")]
+    /// The machine must have AVX2, FMA, BMI1, BMI2, LZCNT and POPCNT.
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
     pub(super) unsafe fn run<T: Task>(task: T) -> T::Output {
         task.run::<Avx2>()
     }
 
     /// # Safety
     /// The machine must have, besides, AVX-512 F, VL and DQ.
-    #[target_feature(enable = "avx2,fma,bmi1,lzcnt,avx512f,avx512vl,avx512dq")]
+    #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt,avx512f,avx512vl,avx512dq")]
     pub(super) unsafe fn run_with_more<T: Task>(task: T) -> T::Output {
         task.run::<Avx2>()
     }

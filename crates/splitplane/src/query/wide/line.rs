@@ -2,6 +2,7 @@
 
 use glam::Vec3A;
 
+use super::{root, splats};
 use crate::geometry::{Frame, Ray};
 use crate::query::simd::Lanes;
 use crate::tree::wide::{WIDTH, Wide, WideNode};
@@ -95,18 +96,61 @@ pub(super) static ROWS: [Rows; 8] = {
 /// A ray as boxes of one frame see it: it is at a coordinate c at t = c · inverse + offset.
 #[derive(Clone, Copy)]
 pub(super) struct FrameRay {
-    pub(super) inverse: [f32; 3],
+    pub(super) inverse: Vec3A,
     /// For the side of a box where the ray enters, and for that where it leaves: moved so that
     /// boxes seem larger by the margin.
-    pub(super) offsets: [[f32; 3]; 2],
+    pub(super) offsets: [Vec3A; 2],
     pub(super) rows: &'static Rows,
+}
+
+/// A [`FrameRay`] that all boxes of a node are held against, a box for each lane.
+pub(super) struct BoxTest<L> {
+    inverse: [L; 3],
+    entry: [L; 3],
+    exit: [L; 3],
+    rows: &'static Rows,
+}
+
+impl<L: Lanes> BoxTest<L> {
+    #[inline(always)]
+    pub(super) fn new(ray: &FrameRay) -> Self {
+        let [entry, exit] = ray.offsets;
+        BoxTest {
+            inverse: splats(ray.inverse.to_array()),
+            entry: splats(entry.to_array()),
+            exit: splats(exit.to_array()),
+            rows: ray.rows,
+        }
+    }
+
+    /// Where the ray enters and leaves boxes along an axis.
+    #[inline(always)]
+    fn slab(&self, node: &WideNode, axis: usize) -> (L, L) {
+        let [entry, exit] = self.rows[axis];
+        let inverse = self.inverse[axis];
+        (
+            L::load(entry.of(node)).mul_add(inverse, self.entry[axis]),
+            L::load(exit.of(node)).mul_add(inverse, self.exit[axis]),
+        )
+    }
+
+    /// A bit for each child whose box is met within a range of t, and where that is.
+    #[inline(always)]
+    pub(super) fn meet(&self, node: &WideNode, t_min: L, limit: L) -> (u32, L) {
+        let (near_x, far_x) = self.slab(node, 0);
+        let (near_y, far_y) = self.slab(node, 1);
+        let (near_z, far_z) = self.slab(node, 2);
+        let near = near_x.max(near_y).max(near_z.max(t_min));
+        let far = far_x.min(far_y).min(far_z.min(limit));
+        (near.le(far), near)
+    }
 }
 
 /// Where a [`Line`] is found.
 pub(super) trait Course: Copy {
     fn line(&self) -> Line;
-    /// The line as boxes of the world see it.
-    fn in_world(&self) -> FrameRay;
+    /// The line as the boxes of the root see it.
+    fn at_root(&self, wide: &Wide) -> FrameRay;
 }
 
 /// A ray as the traversal sees it: relative to the centre of the scene.
@@ -120,6 +164,8 @@ pub(super) struct Line {
     /// No point of the scene is further from the origin along an axis; infinite where products
     /// with it may overflow.
     pub(super) reach: f32,
+    /// Not above the ray's, in t of the traversal.
+    pub(super) t_min: f32,
 }
 
 impl Line {
@@ -135,7 +181,18 @@ impl Line {
         let direction = Vec3A::from(ray.direction);
         let reach = origin.abs().max_element() + wide.half_extent;
         if !(is_ordinary(origin, direction) && is_near(reach)) {
-            return Line::with_care(ray, origin, reach);
+            // As numbers: a line that a function may have written stays in memory even where it
+            // has not.
+            let [ox, oy, oz, dx, dy, dz, margin, scale, reach, t_min] =
+                Line::with_care(ray, origin, reach)?;
+            return Some(Line {
+                origin: Vec3A::new(ox, oy, oz),
+                direction: Vec3A::new(dx, dy, dz),
+                margin,
+                scale,
+                reach,
+                t_min,
+            });
         }
         // Most rays begin in the scene or near it; theirs is known before their origin is.
         let margin = match reach < NEAR * wide.half_extent {
@@ -148,13 +205,14 @@ impl Line {
             margin,
             scale: 1.0,
             reach,
+            t_min: ray.t_min - f32::MIN_POSITIVE,
         })
     }
 
-    /// The same for a ray that is far away or has an extreme direction: that is divided by a power
-    /// of two.
+    /// What a ray that is far away or has an extreme direction is taken for: origin, direction, and
+    /// the line's numbers. The direction is divided by a power of two.
     #[cold]
-    fn with_care(ray: &Ray, origin: Vec3A, reach: f32) -> Option<Self> {
+    fn with_care(ray: &Ray, origin: Vec3A, reach: f32) -> Option<[f32; 10]> {
         if !ray.is_valid() {
             return None;
         }
@@ -163,20 +221,20 @@ impl Line {
         let exponent = direction.abs().max_element().to_bits() >> 52;
         let per_scale = f64::from_bits((2 * 1023 - exponent) << 52);
         let scale = f64::from_bits(exponent << 52) as f32;
-        // Not 0, by which an infinite t would become none: only far away may this be more than it
-        // should, and there all boxes are met at any t.
-        let line = |origin, direction, margin, scale: f32| Line {
-            origin,
-            direction,
-            margin,
-            scale: scale.max(f32::from_bits(1)),
-            reach: if is_near(reach) { reach } else { f32::INFINITY },
+        let numbers = |origin: Vec3A, direction: Vec3A, margin: f32, scale: f32| {
+            // Not 0, by which an infinite t would become none: only far away may this be more than
+            // it should, and there all boxes are met at any t.
+            let scale = scale.max(f32::from_bits(1));
+            let reach = if is_near(reach) { reach } else { f32::INFINITY };
+            let t_min = ray.t_min * scale - f32::MIN_POSITIVE;
+            let ([ox, oy, oz], [dx, dy, dz]) = (origin.to_array(), direction.to_array());
+            [ox, oy, oz, dx, dy, dz, margin, scale, reach, t_min]
         };
         let margin = margin(reach);
         Some(match is_far(margin) {
             // The origin may have overflown to what is not a number.
-            true => line(Vec3A::ZERO, FAR_DIRECTION, FAR_MARGIN, scale * FAR_SCALE),
-            false => line(origin, (direction * per_scale).as_vec3a(), margin, scale),
+            true => numbers(Vec3A::ZERO, FAR_DIRECTION, FAR_MARGIN, scale * FAR_SCALE),
+            false => numbers(origin, (direction * per_scale).as_vec3a(), margin, scale),
         })
     }
 
@@ -184,12 +242,6 @@ impl Line {
     #[inline(always)]
     pub(super) fn t_above(&self, t: f32) -> f32 {
         t * self.scale + f32::MIN_POSITIVE
-    }
-
-    /// No more than a t of the ray.
-    #[inline(always)]
-    pub(super) fn t_below(&self, t: f32) -> f32 {
-        t * self.scale - f32::MIN_POSITIVE
     }
 
     #[inline(always)]
@@ -210,14 +262,27 @@ impl Course for Line {
     }
 
     #[inline(always)]
-    fn in_world(&self) -> FrameRay {
-        along(self.origin, self.direction, self.margin)
+    fn at_root(&self, wide: &Wide) -> FrameRay {
+        match root(wide).frame {
+            Frame::WORLD => along(self.origin, self.direction, self.margin),
+            frame => turned_here(
+                self.origin,
+                self.direction,
+                self.margin,
+                &wide.frames[frame as usize],
+            ),
+        }
     }
 }
 
 /// Apart and from values, so that what is always there stays in registers.
 #[inline(never)]
 fn turned(origin: Vec3A, direction: Vec3A, margin: f32, frame: &Frame) -> FrameRay {
+    turned_here(origin, direction, margin, frame)
+}
+
+#[inline(always)]
+fn turned_here(origin: Vec3A, direction: Vec3A, margin: f32, frame: &Frame) -> FrameRay {
     if is_far(margin) {
         return along(origin, direction, margin);
     }
@@ -239,8 +304,8 @@ fn along(origin: Vec3A, direction: Vec3A, margin: f32) -> FrameRay {
     let offset = -origin * inverse;
     let margin = margin * inverse.abs();
     FrameRay {
-        inverse: inverse.to_array(),
-        offsets: [(offset - margin).to_array(), (offset + margin).to_array()],
+        inverse,
+        offsets: [offset - margin, offset + margin],
         rows: &ROWS[direction.is_negative_bitmask() as usize & 7],
     }
 }

@@ -22,15 +22,28 @@ use super::Counters;
 use super::batch::{Coherence, Question};
 use super::simd::{Instructions, Lanes, Task};
 use super::traverse::Search;
-use crate::geometry::{Frame, Ray};
+use crate::geometry::Ray;
 use crate::tree::wide::{Child, Link, WIDTH, Wide, WideNode};
-use line::{Course, FrameRay, Line, Rows};
+use line::{BoxTest, Course, FrameRay, Line};
 use ready::Ready;
 use stack::{Frames, Space, Stack};
 
 #[inline(always)]
 fn splats<L: Lanes>([x, y, z]: [f32; 3]) -> [L; 3] {
     [L::splat(x), L::splat(y), L::splat(z)]
+}
+
+#[inline(always)]
+fn root(wide: &Wide) -> &WideNode {
+    debug_assert!(!wide.nodes.is_empty());
+    // SAFETY: a tree has a root: `store` always writes it, and `check_wide` asks for it.
+    unsafe { wide.nodes.get_unchecked(0) }
+}
+
+/// The coordinate of points along a row of a frame.
+#[inline(always)]
+fn along<L: Lanes>([a, b, c]: [L; 3], [x, y, z]: [L; 3]) -> L {
+    a.mul(x).add(b.mul(y)).add(c.mul(z))
 }
 
 struct Walk<'a, S, C> {
@@ -74,7 +87,7 @@ fn walk<L: Lanes, S: Search>(
     space: &mut Space<Link, FrameRay>,
 ) {
     if let Some(course) = course {
-        let mut cursor = Cursor::<L, _>::new(course, ray, search, space);
+        let mut cursor = Cursor::<L, _>::new(wide, course, ray, search, space);
         while cursor.step(wide, search, counters) {}
     }
 }
@@ -138,14 +151,38 @@ impl<Q: Question> Task for Batch<'_, Q> {
             }
             let answers = answers.chunks_mut(WIDTH);
             for (rays, answers) in rays.chunks(WIDTH).zip(answers) {
-                let ready = Ready::new::<L>(wide, rays);
-                for (i, (ray, answer)) in rays.iter().zip(answers).enumerate() {
-                    let mut search = Q::search(ray);
-                    walk::<L, _>(wide, ready.get(i), ray, &mut search, &mut (), &mut space);
-                    *answer = Q::answer(&search);
-                }
+                each_alone::<L, Q>(wide, rays, answers, &mut space);
             }
         }
+    }
+}
+
+/// Takes up to eight rays through the tree, one after the other but for the root.
+#[inline(always)]
+fn each_alone<L: Lanes, Q: Question>(
+    wide: &Wide,
+    rays: &[Ray],
+    answers: &mut [Q::Answer],
+    space: &mut Space<Link, FrameRay>,
+) {
+    let ready = Ready::new::<L>(wide, rays);
+    let at_root = ready.meet_root::<L>(wide);
+    // Which ones meet anything is hard to foresee; so they are not asked one by one.
+    let (mut meeting, mut missing) = (at_root.rays, !at_root.rays & ((1 << rays.len()) - 1));
+    while missing != 0 {
+        let i = missing.trailing_zeros() as usize;
+        missing &= missing - 1;
+        answers[i] = Q::answer(&Q::search(&rays[i]));
+    }
+    while meeting != 0 {
+        let i = meeting.trailing_zeros() as usize;
+        meeting &= meeting - 1;
+        let mut search = Q::search(&rays[i]);
+        let mut cursor = Cursor::<L, _>::new(wide, ready.get(i), &rays[i], &search, space);
+        let (met, near) = at_root.of::<L>(i);
+        cursor.go_on::<Q::Search<'_>>(wide, (0, root(wide)), met, near);
+        while cursor.step(wide, &mut search, &mut ()) {}
+        answers[i] = Q::answer(&search);
     }
 }
 
@@ -180,10 +217,7 @@ struct Cursor<'s, L, C> {
     stack: Stack<'s, Link>,
     frames: Frames<'s, FrameRay>,
     frame: u32,
-    inverse: [L; 3],
-    entry: [L; 3],
-    exit: [L; 3],
-    rows: &'static Rows,
+    boxes: BoxTest<L>,
     t_min: L,
     ray_t_min: f32,
     /// Beyond this nothing is wanted any more.
@@ -194,27 +228,21 @@ struct Cursor<'s, L, C> {
 impl<'s, L: Lanes, C: Course> Cursor<'s, L, C> {
     #[inline(always)]
     fn new(
+        wide: &Wide,
         course: C,
         ray: &Ray,
         search: &impl Search,
         space: &'s mut Space<Link, FrameRay>,
     ) -> Self {
         let line = course.line();
-        let (t_min, limit) = (line.t_below(ray.t_min), line.t_above(search.limit_above()));
-        let FrameRay {
-            inverse,
-            offsets: [entry, exit],
-            rows,
-        } = course.in_world();
+        let (t_min, limit) = (line.t_min, line.t_above(search.limit_above()));
+        let boxes = BoxTest::new(&course.at_root(wide));
         let (stack, frames) = space.emptied();
         Cursor {
             stack,
             frames,
-            frame: Frame::WORLD,
-            inverse: splats(inverse),
-            entry: splats(entry),
-            exit: splats(exit),
-            rows,
+            frame: root(wide).frame,
+            boxes,
             t_min: L::splat(t_min),
             ray_t_min: ray.t_min,
             limit,
@@ -229,10 +257,7 @@ impl<'s, L: Lanes, C: Course> Cursor<'s, L, C> {
             Some(ray) => ray,
             None => (self.frames).meet(frame, self.course.line().in_frame(frame, &wide.frames)),
         };
-        self.inverse = splats(ray.inverse);
-        self.entry = splats(ray.offsets[0]);
-        self.exit = splats(ray.offsets[1]);
-        self.rows = ray.rows;
+        self.boxes = BoxTest::new(ray);
         self.frame = frame;
     }
 
@@ -272,30 +297,20 @@ impl<'s, L: Lanes, C: Course> Cursor<'s, L, C> {
         }
     }
 
-    /// Where the ray enters and leaves the boxes of a node along an axis.
     #[inline(always)]
-    fn slab(&self, node: &WideNode, axis: usize) -> (L, L) {
-        let [entry, exit] = self.rows[axis];
-        let inverse = self.inverse[axis];
-        (
-            L::load(entry.of(node)).mul_add(inverse, self.entry[axis]),
-            L::load(exit.of(node)).mul_add(inverse, self.exit[axis]),
-        )
-    }
-
-    #[inline(always)]
-    fn visit<S: Search>(&mut self, wide: &Wide, (index, node): (usize, &WideNode)) -> bool {
-        let (near_x, far_x) = self.slab(node, 0);
-        let (near_y, far_y) = self.slab(node, 1);
-        let (near_z, far_z) = self.slab(node, 2);
-        let near = near_x.max(near_y).max(near_z.max(self.t_min));
-        let far = far_x.min(far_y).min(far_z.min(L::splat(self.limit)));
-        let met = near.le(far);
+    fn visit<S: Search>(&mut self, wide: &Wide, node: (usize, &WideNode)) -> bool {
+        let (met, near) = (self.boxes).meet(node.1, self.t_min, L::splat(self.limit));
         if met == 0 {
             return self.pop::<S>(wide);
         }
-        self.next = self.stack.choose::<L, S>(wide, (index, node), met, near);
+        self.go_on::<S>(wide, node, met, near);
         true
+    }
+
+    /// Goes on with those children of a node that are met, at least one.
+    #[inline(always)]
+    fn go_on<S: Search>(&mut self, wide: &Wide, node: (usize, &WideNode), met: u32, near: L) {
+        self.next = self.stack.choose::<L, S>(wide, node, met, near);
     }
 
     /// Goes on with what is next on the stack; false if there is nothing.

@@ -11,8 +11,8 @@ use glam::Vec3A;
 
 use super::leaf::{self, Sight};
 use super::line::{self, ROWS, Row};
-use super::splats;
 use super::stack::{Place, Space};
+use super::{along, splats};
 use crate::geometry::triangle::Shear;
 use crate::geometry::{Frame, Ray};
 use crate::query::batch::{Coherence, Question};
@@ -506,12 +506,6 @@ pub(super) fn traverse<L: Lanes, Q: Question>(
 fn load<L: Lanes>(from: &[Numbers; 3], part: usize) -> [L; 3] {
     let [x, y, z] = from;
     [L::load(&x[part]), L::load(&y[part]), L::load(&z[part])]
-}
-
-/// The coordinate of points along a row of a frame.
-#[inline(always)]
-fn along<L: Lanes>([a, b, c]: [L; 3], [x, y, z]: [L; 3]) -> L {
-    a.mul(x).add(b.mul(y)).add(c.mul(z))
 }
 
 #[inline(always)]

@@ -1,18 +1,18 @@
-//! Eight rays made ready for boxes at a time.
+//! Eight rays made ready for boxes at a time, and held against those of the root.
 
 use bytemuck::Zeroable;
 use glam::Vec3A;
 
-use super::line::{self, Course, FrameRay, Line, ROWS};
-use super::splats;
-use crate::geometry::Ray;
+use super::line::{self, BoxTest, Course, FrameRay, Line, ROWS};
+use super::{along, root, splats};
+use crate::geometry::{Frame, Ray};
 use crate::query::simd::Lanes;
 use crate::tree::wide::{WIDTH, Wide};
 
 /// A number for each ray.
 type Numbers = [f32; WIDTH];
 
-/// What their [`Line`]s say, and their [`FrameRay`]s in the world.
+/// What their [`Line`]s say, and their [`FrameRay`]s at the root.
 pub(super) struct Ready {
     origin: [Numbers; 3],
     direction: [Numbers; 3],
@@ -21,8 +21,29 @@ pub(super) struct Ready {
     reach: Numbers,
     inverse: [Numbers; 3],
     offsets: [[Numbers; 3]; 2],
+    t_min: Numbers,
+    /// Not below the rays' `t_max`, in t of the traversal.
+    limit: Numbers,
     /// A bit for each ray that may hit something.
     present: u32,
+}
+
+/// What eight rays meet of the root.
+pub(super) struct AtRoot {
+    /// A bit for each ray that meets anything.
+    pub(super) rays: u32,
+    /// Per ray, a bit for each child that it meets.
+    children: [u32; WIDTH],
+    /// Per ray, where it enters the children's boxes.
+    near: [Numbers; WIDTH],
+}
+
+impl AtRoot {
+    /// A bit for each child that one of the rays meets, and where their boxes are entered.
+    #[inline(always)]
+    pub(super) fn of<L: Lanes>(&self, i: usize) -> (u32, L) {
+        (self.children[i % WIDTH], L::load(&self.near[i % WIDTH]))
+    }
 }
 
 impl Ready {
@@ -48,11 +69,19 @@ impl Ready {
         let [x, y, z] = origin;
         let reach = (x.abs().max(y.abs()).max(z.abs())).add(L::splat(wide.half_extent));
         let margin = line::margins(reach, wide);
-        let (inverse_x, entry_x, exit_x) = line::slabs(x, dx, margin);
-        let (inverse_y, entry_y, exit_y) = line::slabs(y, dy, margin);
-        let (inverse_z, entry_z, exit_z) = line::slabs(z, dz, margin);
+        let (from, to) = match root(wide).frame {
+            Frame::WORLD => (origin, direction),
+            frame => {
+                let frame = &wide.frames[frame as usize];
+                (turned(origin, frame), turned(direction, frame))
+            }
+        };
+        let (inverse_x, entry_x, exit_x) = line::slabs(from[0], to[0], margin);
+        let (inverse_y, entry_y, exit_y) = line::slabs(from[1], to[1], margin);
+        let (inverse_z, entry_z, exit_z) = line::slabs(from[2], to[2], margin);
         let ordinary =
             line::are_ordinary(origin, direction) & line::are_near(reach) & t_min.lt(t_max);
+        let tiny = L::splat(f32::MIN_POSITIVE);
         let mut ready = Ready {
             origin: [x.to_array(), y.to_array(), z.to_array()],
             direction: [dx.to_array(), dy.to_array(), dz.to_array()],
@@ -68,6 +97,8 @@ impl Ready {
                 [entry_x.to_array(), entry_y.to_array(), entry_z.to_array()],
                 [exit_x.to_array(), exit_y.to_array(), exit_z.to_array()],
             ],
+            t_min: t_min.sub(tiny).to_array(),
+            limit: t_max.add(tiny).to_array(),
             present: ordinary,
         };
         if ordinary != u32::MAX >> (32 - WIDTH) {
@@ -88,7 +119,7 @@ impl Ready {
             };
             let FrameRay {
                 inverse, offsets, ..
-            } = line.in_world();
+            } = line.at_root(wide);
             for axis in 0..3 {
                 self.origin[axis][i] = line.origin[axis];
                 self.direction[axis][i] = line.direction[axis];
@@ -99,18 +130,39 @@ impl Ready {
             self.margin[i] = line.margin;
             self.scale[i] = line.scale;
             self.reach[i] = line.reach;
+            self.t_min[i] = line.t_min;
+            self.limit[i] = line.t_above(ray.t_max);
             self.present |= 1 << i;
         }
     }
 
-    /// One of the rays; `None` if it hits nothing, whatever there is.
+    /// What the rays meet of the root. Nothing has to be foreseen for that, and no ray waits for
+    /// another.
     #[inline(always)]
-    pub(super) fn get(&self, i: usize) -> Option<Nth<'_>> {
-        let nth = Nth {
+    pub(super) fn meet_root<L: Lanes>(&self, wide: &Wide) -> AtRoot {
+        let mut at_root = AtRoot {
+            rays: 0,
+            children: [0; WIDTH],
+            near: [[0.0; WIDTH]; WIDTH],
+        };
+        for i in 0..WIDTH {
+            let (t_min, limit) = (L::splat(self.t_min[i]), L::splat(self.limit[i]));
+            let test = BoxTest::<L>::new(&self.get(i).at_root(wide));
+            let (met, near) = test.meet(root(wide), t_min, limit);
+            at_root.children[i] = met;
+            at_root.near[i] = near.to_array();
+            at_root.rays |= u32::from(met != 0) << i;
+        }
+        at_root.rays &= self.present;
+        at_root
+    }
+
+    #[inline(always)]
+    pub(super) fn get(&self, i: usize) -> Nth<'_> {
+        Nth {
             ready: self,
             i: i % WIDTH,
-        };
-        (self.present >> nth.i & 1 == 1).then_some(nth)
+        }
     }
 }
 
@@ -137,17 +189,29 @@ impl Course for Nth<'_> {
             margin: self.ready.margin[self.i],
             scale: self.ready.scale[self.i],
             reach: self.ready.reach[self.i],
+            t_min: self.ready.t_min[self.i],
         }
     }
 
     #[inline(always)]
-    fn in_world(&self) -> FrameRay {
+    fn at_root(&self, _: &Wide) -> FrameRay {
         let [entry, exit] = &self.ready.offsets;
-        let direction = Vec3A::from(self.of(&self.ready.direction));
+        let inverse = Vec3A::from(self.of(&self.ready.inverse));
         FrameRay {
-            inverse: self.of(&self.ready.inverse),
-            offsets: [self.of(entry), self.of(exit)],
-            rows: &ROWS[direction.is_negative_bitmask() as usize & 7],
+            inverse,
+            offsets: [self.of(entry).into(), self.of(exit).into()],
+            rows: &ROWS[inverse.is_negative_bitmask() as usize & 7],
         }
     }
+}
+
+/// A point or a direction for each lane, in a frame.
+#[inline(always)]
+fn turned<L: Lanes>(v: [L; 3], frame: &Frame) -> [L; 3] {
+    let [x, y, z] = frame.rows;
+    [
+        along(splats(x), v),
+        along(splats(y), v),
+        along(splats(z), v),
+    ]
 }
