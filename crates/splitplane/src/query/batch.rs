@@ -36,12 +36,12 @@ pub(super) trait Question {
 pub(super) struct ClosestHit;
 
 impl Question for ClosestHit {
-    type Search<'r> = Closest<'r, fn(&Hit) -> bool>;
+    type Search<'r> = Closest<'r, Everything>;
     type Answer = Option<Hit>;
 
     #[inline(always)]
     fn search(ray: &Ray) -> Self::Search<'_> {
-        Closest::new(ray, accept_all)
+        Closest::new(ray, Everything)
     }
 
     #[inline(always)]
@@ -65,10 +65,6 @@ impl Question for AnyHit {
     fn answer(search: &Self::Search<'_>) -> bool {
         search.found
     }
-}
-
-fn accept_all(_: &Hit) -> bool {
-    true
 }
 
 pub(crate) fn closest_hits(

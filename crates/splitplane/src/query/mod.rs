@@ -164,15 +164,15 @@ impl<'r> Aim<'r> {
 }
 
 /// The nearest of the hits that `accept` takes.
-struct Closest<'r, F> {
+struct Closest<'r, A> {
     aim: Aim<'r>,
     best: Hit,
-    accept: F,
+    accept: A,
 }
 
-impl<'r, F: Fn(&Hit) -> bool> Closest<'r, F> {
+impl<'r, A: Accept> Closest<'r, A> {
     #[inline(always)]
-    fn new(ray: &'r Ray, accept: F) -> Self {
+    fn new(ray: &'r Ray, accept: A) -> Self {
         Closest {
             aim: Aim::new(ray),
             best: Hit {
@@ -191,7 +191,7 @@ impl<'r, F: Fn(&Hit) -> bool> Closest<'r, F> {
     }
 }
 
-impl<F: Fn(&Hit) -> bool> Search for Closest<'_, F> {
+impl<A: Accept> Search for Closest<'_, A> {
     const NEAREST_FIRST: bool = true;
 
     #[inline(always)]
@@ -214,7 +214,7 @@ impl<F: Fn(&Hit) -> bool> Search for Closest<'_, F> {
         let best = &self.best;
         let wanted = |t: f32| t < best.t || t == best.t && triangle.index() < best.triangle;
         if let Some(hit) = self.aim.meet(triangle, wanted)
-            && (self.accept)(&hit)
+            && self.accept.accepts(&hit)
         {
             self.best = hit;
         }
@@ -222,7 +222,7 @@ impl<F: Fn(&Hit) -> bool> Search for Closest<'_, F> {
     }
 }
 
-/// Which hits an any-hit query takes.
+/// Which hits a query takes.
 pub(crate) trait Accept {
     /// Whether it takes every hit, so that none need be computed.
     const ALL: bool = false;

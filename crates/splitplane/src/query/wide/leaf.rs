@@ -2,11 +2,11 @@
 
 use std::ops::ControlFlow;
 
-use super::packet::{Group, Sights};
+use super::packet::{Group, Sights, all};
 use super::splats;
 use crate::geometry::triangle::Shear;
 use crate::query::Hit;
-use crate::query::simd::Lanes;
+use crate::query::simd::{Eight, Lanes, Part};
 use crate::query::traverse::{Search, Triangle};
 use crate::tree::wide::{LEAF_ROWS, WIDTH, Wide};
 
@@ -58,12 +58,12 @@ impl<'a> Rows<'a> {
     /// The coordinates of the corners along these axes, for all triangles: rows of an axis, one for
     /// each corner.
     #[inline(always)]
-    fn along<L: Lanes>(&self, [kx, ky, kz]: [usize; 3]) -> [[L; 3]; 3] {
+    fn along<L: Eight>(&self, [kx, ky, kz]: [usize; 3]) -> [[L; 3]; 3] {
         [self.row(kx), self.row(ky), self.row(kz)]
     }
 
     #[inline(always)]
-    fn row<L: Lanes>(&self, axis: usize) -> [L; 3] {
+    fn row<L: Eight>(&self, axis: usize) -> [L; 3] {
         let at = axis * self.count;
         debug_assert!(axis < 3 && at + 6 * self.count + WIDTH <= self.values.len());
         // SAFETY: corners and axes are below 3, and behind each of ten rows there are eight
@@ -283,7 +283,9 @@ impl<L: Lanes> Depths<L> {
     fn sure(&self) -> u32 {
         self.product.mul(L::splat(T_ERROR)).lt(self.size)
     }
+}
 
+impl<L: Eight> Depths<L> {
     /// Of these triangles, the one that is probably met first.
     #[inline(always)]
     fn first(&self, mut candidates: u32) -> usize {
@@ -363,7 +365,7 @@ impl Triangle for InLeaf<'_> {
 /// Asks a search about the triangles of a leaf that the ray may hit beyond `t_min`; `reach` as in
 /// [`super::line::Line`]. True where the search has been asked about any.
 #[inline(always)]
-pub(super) fn visit<L: Lanes, S: Search>(
+pub(super) fn visit<L: Eight, S: Search>(
     wide: &Wide,
     (start, count): (usize, usize),
     (t_min, reach): (f32, f32),
@@ -432,10 +434,10 @@ pub(super) fn visit<L: Lanes, S: Search>(
 /// in `active`, which all go furthest along the same axis. A search that is over is asked no
 /// more.
 #[inline(always)]
-pub(super) fn visit_group<L: Lanes, S: Search>(
+pub(super) fn visit_group<P: Part, S: Search>(
     wide: &Wide,
     (start, count): (usize, usize),
-    sights: &Sights<L>,
+    sights: &Sights<P>,
     group: &mut Group<S>,
     mut active: u32,
 ) {
@@ -443,9 +445,9 @@ pub(super) fn visit_group<L: Lanes, S: Search>(
     for slot in 0..count {
         let [x, y, z] = rows.along_of(sights.axes, slot);
         let corners = [splats(x), splats(y), splats(z)];
-        for (part, sight) in sights.parts.iter().enumerate() {
-            let first = WIDTH * part;
-            let rays = active >> first & 0xff;
+        for (part, sight) in sights.parts.as_ref().iter().enumerate() {
+            let first = P::COUNT * part;
+            let rays = active >> first & all::<P>();
             if rays == 0 {
                 continue;
             }
@@ -455,10 +457,10 @@ pub(super) fn visit_group<L: Lanes, S: Search>(
                 continue;
             }
             let depths = block.depths(sight.along);
-            let low = Limit::new(L::load(&group.t_min[part]), sight.along, group.reach);
-            let high = Limit::new(L::load(&group.limits[part]), sight.along, group.reach);
+            let low = Limit::new(P::load(&group.t_min, part), sight.along, group.reach);
+            let high = Limit::new(P::load(&group.limits, part), sight.along, group.reach);
             if S::NEEDS_NO_HIT {
-                let near = L::load(&group.limits[part]).min(L::splat(FURTHEST));
+                let near = P::load(&group.limits, part).min(P::splat(FURTHEST));
                 let near = Limit::new(near, sight.along, group.reach);
                 let mut found = candidates
                     & block.inside()

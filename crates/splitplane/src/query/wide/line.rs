@@ -4,7 +4,7 @@ use glam::Vec3A;
 
 use super::{root, splats};
 use crate::geometry::{Frame, Ray};
-use crate::query::simd::Lanes;
+use crate::query::simd::{Eight, Lanes};
 use crate::tree::wide::{WIDTH, Wide, WideNode};
 
 /// How far a box is widened on every side, in units of ε/2 times the distance of the scene's
@@ -111,7 +111,7 @@ pub(super) struct BoxTest<L> {
     rows: &'static Rows,
 }
 
-impl<L: Lanes> BoxTest<L> {
+impl<L: Eight> BoxTest<L> {
     #[inline(always)]
     pub(super) fn new(ray: &FrameRay) -> Self {
         let [entry, exit] = ray.offsets;

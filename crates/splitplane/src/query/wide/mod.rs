@@ -20,7 +20,7 @@ use std::ops::ControlFlow;
 
 use super::Counters;
 use super::batch::{Coherence, Question};
-use super::simd::{Instructions, Lanes, Task};
+use super::simd::{Eight, Instructions, Lanes, Task};
 use super::traverse::Search;
 use crate::geometry::Ray;
 use crate::tree::wide::{Child, Link, WIDTH, Wide, WideNode};
@@ -57,7 +57,7 @@ impl<S: Search, C: Counters> Task for Walk<'_, S, C> {
     type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes>(self) {
+    fn run<L: Eight>(self) {
         let Walk {
             wide,
             ray,
@@ -78,7 +78,7 @@ impl<S: Search, C: Counters> Task for Walk<'_, S, C> {
 
 /// `course` is none for a ray that hits nothing, whatever there is.
 #[inline(always)]
-fn walk<L: Lanes, S: Search>(
+fn walk<L: Eight, S: Search>(
     wide: &Wide,
     course: Option<impl Course>,
     ray: &Ray,
@@ -131,7 +131,7 @@ impl<Q: Question> Task for Batch<'_, Q> {
     type Output = ();
 
     #[inline(always)]
-    fn run<L: Lanes>(self) {
+    fn run<L: Eight>(self) {
         let Batch {
             wide,
             rays,
@@ -159,7 +159,7 @@ impl<Q: Question> Task for Batch<'_, Q> {
 
 /// Takes up to eight rays through the tree, one after the other but for the root.
 #[inline(always)]
-fn each_alone<L: Lanes, Q: Question>(
+fn each_alone<L: Eight, Q: Question>(
     wide: &Wide,
     rays: &[Ray],
     answers: &mut [Q::Answer],
@@ -225,7 +225,7 @@ struct Cursor<'s, L, C> {
     next: Link,
 }
 
-impl<'s, L: Lanes, C: Course> Cursor<'s, L, C> {
+impl<'s, L: Eight, C: Course> Cursor<'s, L, C> {
     #[inline(always)]
     fn new(
         wide: &Wide,

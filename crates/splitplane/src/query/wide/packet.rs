@@ -16,18 +16,15 @@ use super::{along, splats};
 use crate::geometry::triangle::Shear;
 use crate::geometry::{Frame, Ray};
 use crate::query::batch::{Coherence, Question};
-use crate::query::simd::Lanes;
+use crate::query::simd::{Eight, Lanes, Part, SIXTEEN};
 use crate::query::traverse::{Search, Triangle};
 use crate::tree::wide::{Child, Link, WIDTH, Wide, WideNode};
 
 /// Rays of a packet.
-pub(super) const RAYS: usize = WIDTH * PARTS;
-
-/// Parts of a packet, with a ray for each lane.
-const PARTS: usize = 2;
+pub(super) const RAYS: usize = SIXTEEN;
 
 /// A number for each ray.
-type Numbers = [[f32; WIDTH]; PARTS];
+type Numbers = [f32; RAYS];
 
 /// How far boxes are widened, as `BOX_ERROR` in `line` says for one ray, which comes to 36: a box is
 /// also held against a point of its own, by which it is off by √3, the offset from there by 3 · √3.
@@ -92,62 +89,62 @@ impl<S: Search> Group<S> {
             self.stop(ray);
             return ControlFlow::Break(());
         }
-        self.limits.as_flattened_mut()[ray] = search.limit_above();
+        self.limits[ray] = search.limit_above();
         ControlFlow::Continue(())
     }
 
     /// Asks a search no more.
     #[inline(always)]
     pub(super) fn stop(&mut self, ray: usize) {
-        self.limits.as_flattened_mut()[ray] = f32::NEG_INFINITY;
+        self.limits[ray] = f32::NEG_INFINITY;
     }
 
     /// The limit of the search that wants most.
     #[inline(always)]
-    fn limit<L: Lanes>(&self) -> f32 {
-        let mut most = L::load(&self.limits[0]);
-        for limits in &self.limits[1..] {
-            most = most.max(L::load(limits));
+    fn limit<P: Part>(&self) -> f32 {
+        let mut most = P::load(&self.limits, 0);
+        for part in 1..P::PARTS {
+            most = most.max(P::load(&self.limits, part));
         }
-        highest(most)
+        most.highest()
     }
 
     /// The t_min of the search that begins first.
     #[inline(always)]
-    fn first<L: Lanes>(&self) -> f32 {
-        let mut first = L::load(&self.t_min[0]);
-        for t_min in &self.t_min[1..] {
-            first = first.min(L::load(t_min));
+    fn first<P: Part>(&self) -> f32 {
+        let mut first = P::load(&self.t_min, 0);
+        for part in 1..P::PARTS {
+            first = first.min(P::load(&self.t_min, part));
         }
         lowest(first)
     }
 }
 
 /// The rays' parts of the triangle test, where all go furthest along the same axis.
-pub(super) struct Sights<L> {
+pub(super) struct Sights<P: Part> {
     /// As in `Shear`.
     pub(super) axes: [usize; 3],
-    pub(super) parts: [Sight<L>; PARTS],
+    pub(super) parts: P::Parts<Sight<P>>,
 }
 
-impl<L: Lanes> Sights<L> {
+impl<P: Part> Sights<P> {
     /// `None` where the rays go furthest along different axes.
     #[inline(always)]
     fn new(origins: &[Numbers; 3], directions: &[Numbers; 3]) -> Option<Self> {
-        let first = Shear::of(&Ray::new([0.0; 3], directions.map(|along| along[0][0])));
+        let first = Shear::of(&Ray::new([0.0; 3], directions.map(|along| along[0])));
         let axes = first.axes;
         let mut same = true;
-        let mut parts = [Sight::new(axes, origins, directions, 0); PARTS];
-        for (part, sight) in parts.iter_mut().enumerate() {
+        let mut parts = P::parts(Sight::new(axes, origins, directions, 0));
+        for (part, sight) in parts.as_mut().iter_mut().enumerate() {
             *sight = Sight::new(axes, origins, directions, part);
-            let [x, y, z] = load::<L>(directions, part);
+            let [x, y, z] = load::<P>(directions, part);
             let (x, y, z) = (x.abs(), y.abs(), z.abs());
             let along_x = y.lt(x) & z.lt(x);
             let along_y = !along_x & z.lt(y);
             same &= match axes[2] {
-                0 => along_x == 0xff,
-                1 => along_y & 0xff == 0xff,
-                _ => (along_x | along_y) & 0xff == 0,
+                0 => along_x == all::<P>(),
+                1 => along_y & all::<P>() == all::<P>(),
+                _ => (along_x | along_y) & all::<P>() == 0,
             };
         }
         same.then_some(Sights { axes, parts })
@@ -158,22 +155,25 @@ impl<L: Lanes> Sights<L> {
     fn are_close(&self) -> bool {
         let mut close = true;
         for axis in 0..2 {
-            let (mut low, mut high) = (self.parts[0].shear[axis], self.parts[0].shear[axis]);
-            for sight in &self.parts[1..] {
+            let [first, rest @ ..] = self.parts.as_ref() else {
+                return false;
+            };
+            let (mut low, mut high) = (first.shear[axis], first.shear[axis]);
+            for sight in rest {
                 low = low.min(sight.shear[axis]);
                 high = high.max(sight.shear[axis]);
             }
-            close &= highest(high) - lowest(low) <= MAX_ANGLE;
+            close &= high.highest() - lowest(low) <= MAX_ANGLE;
         }
         let mut signs = 0;
-        for (part, sight) in self.parts.iter().enumerate() {
-            signs |= sight.along.lt(L::splat(0.0)) << (WIDTH * part);
+        for (part, sight) in self.parts.as_ref().iter().enumerate() {
+            signs |= sight.along.lt(P::splat(0.0)) << (P::COUNT * part);
         }
         close && (signs == 0 || signs == u32::MAX >> (32 - RAYS))
     }
 }
 
-impl<L: Lanes> Sight<L> {
+impl<P: Part> Sight<P> {
     #[inline(always)]
     fn new(
         [kx, ky, kz]: [usize; 3],
@@ -181,8 +181,8 @@ impl<L: Lanes> Sight<L> {
         directions: &[Numbers; 3],
         part: usize,
     ) -> Self {
-        let (o, d) = (load::<L>(origins, part), load::<L>(directions, part));
-        let minus = L::splat(-1.0);
+        let (o, d) = (load::<P>(origins, part), load::<P>(directions, part));
+        let minus = P::splat(-1.0);
         Sight {
             to_origin: [
                 o[kx].times_sign(minus),
@@ -205,11 +205,9 @@ pub(super) type Beam<L> = [Slab<L>; 3];
 /// last term is small, and its range over the rays, with that of the inverse, bounds the t of all of
 /// them closely.
 #[derive(Clone, Copy)]
-pub(super) struct Slab<L> {
+pub(super) struct Slab<L: Eight> {
     /// Of each ray.
-    inverse: [L; PARTS],
-    entry: [L; PARTS],
-    exit: [L; PARTS],
+    each: <L::Part as Part>::Parts<Each<L::Part>>,
     /// Of all rays.
     point: L,
     lowest: L,
@@ -220,7 +218,15 @@ pub(super) struct Slab<L> {
     rows: [Row; 2],
 }
 
-impl<L: Lanes> Slab<L> {
+/// Of each ray of a part.
+#[derive(Clone, Copy)]
+struct Each<P> {
+    inverse: P,
+    entry: P,
+    exit: P,
+}
+
+impl<L: Eight> Slab<L> {
     #[inline(always)]
     fn new(
         frame: &Frame,
@@ -229,28 +235,38 @@ impl<L: Lanes> Slab<L> {
         directions: &[Numbers; 3],
         margin: f32,
     ) -> Self {
-        let row: [L; 3] = splats(frame.rows[axis]);
-        let zero = L::splat(0.0);
-        let (mut inverse, mut entry, mut exit) = ([zero; PARTS], [zero; PARTS], [zero; PARTS]);
-        let (mut low, mut high) = (L::splat(f32::INFINITY), L::splat(f32::NEG_INFINITY));
+        let splat = <L::Part as Lanes>::splat;
+        let row: [L::Part; 3] = splats(frame.rows[axis]);
+        let zero = splat(0.0);
+        let mut each = L::Part::parts(Each {
+            inverse: zero,
+            entry: zero,
+            exit: zero,
+        });
+        let (mut low, mut high) = (splat(f32::INFINITY), splat(f32::NEG_INFINITY));
         let (mut first, mut last) = (low, high);
-        let point = L::splat(along(row, load::<L>(origins, 0)).to_array()[0]);
-        for part in 0..PARTS {
+        let [x, y, z] = frame.rows[axis];
+        let point = x * origins[0][0] + y * origins[1][0] + z * origins[2][0];
+        for (part, each) in each.as_mut().iter_mut().enumerate() {
             let origin = along(row, load(origins, part));
             let direction = along(row, load(directions, part));
-            let size = direction.abs().max(L::splat(line::SMALLEST));
-            inverse[part] = L::splat(1.0).div(size).times_sign(direction);
-            let at = origin.mul(inverse[part]).times_sign(L::splat(-1.0));
-            let off = inverse[part].abs().mul(L::splat(margin));
-            entry[part] = at.sub(off);
-            exit[part] = at.add(off);
-            low = low.min(inverse[part]);
-            high = high.max(inverse[part]);
-            first = first.min(point.mul_add(inverse[part], entry[part]));
-            last = last.max(point.mul_add(inverse[part], exit[part]));
+            let size = direction.abs().max(splat(line::SMALLEST));
+            let inverse = splat(1.0).div(size).times_sign(direction);
+            let at = origin.mul(inverse).times_sign(splat(-1.0));
+            let off = inverse.abs().mul(splat(margin));
+            let (entry, exit) = (at.sub(off), at.add(off));
+            low = low.min(inverse);
+            high = high.max(inverse);
+            first = first.min(splat(point).mul_add(inverse, entry));
+            last = last.max(splat(point).mul_add(inverse, exit));
+            *each = Each {
+                inverse,
+                entry,
+                exit,
+            };
         }
-        let (mut low, mut high) = (lowest(low), highest(high));
-        let (mut first, mut last) = (lowest(first), highest(last));
+        let (mut low, mut high) = (lowest(low), high.highest());
+        let (mut first, mut last) = (lowest(first), last.highest());
         if low < 0.0 && high > 0.0 {
             // Some go one way along the axis, some the other: any box may be met, but absent ones,
             // whose sides are infinite.
@@ -258,10 +274,8 @@ impl<L: Lanes> Slab<L> {
             (first, last) = (f32::MIN, f32::MAX);
         }
         Slab {
-            inverse,
-            entry,
-            exit,
-            point,
+            each,
+            point: L::splat(point),
             lowest: L::splat(low),
             highest: L::splat(high),
             first_entry: L::splat(first),
@@ -283,12 +297,14 @@ impl<L: Lanes> Slab<L> {
             (exit.mul_add(self.lowest, last)).max(exit.mul_add(self.highest, last)),
         )
     }
+}
 
-    /// Where each ray of a part enters and leaves what lies between two coordinates.
+impl<P: Part> Each<P> {
+    /// Where each ray enters and leaves what lies between two coordinates.
     #[inline(always)]
-    fn of_each(&self, part: usize, low: f32, high: f32) -> (L, L) {
-        let (low, high) = (L::splat(low), L::splat(high));
-        let (inverse, entry, exit) = (self.inverse[part], self.entry[part], self.exit[part]);
+    fn meet(&self, low: f32, high: f32) -> (P, P) {
+        let (low, high) = (P::splat(low), P::splat(high));
+        let (inverse, entry, exit) = (self.inverse, self.entry, self.exit);
         (
             (low.mul_add(inverse, entry)).min(high.mul_add(inverse, entry)),
             (low.mul_add(inverse, exit)).max(high.mul_add(inverse, exit)),
@@ -298,35 +314,35 @@ impl<L: Lanes> Slab<L> {
 
 /// A bit for each ray that meets the box of a child within its range of t.
 #[inline(always)]
-fn meet<L: Lanes, S>(beam: &Beam<L>, node: &WideNode, slot: usize, group: &Group<S>) -> u32 {
+fn meet<L: Eight, S>(beam: &Beam<L>, node: &WideNode, slot: usize, group: &Group<S>) -> u32 {
     let mut met = 0;
-    for part in 0..PARTS {
-        let tiny = L::splat(f32::MIN_POSITIVE);
-        let mut near = L::load(&group.t_min[part]).sub(tiny);
-        let mut far = L::load(&group.limits[part]).add(tiny);
+    for part in 0..L::Part::PARTS {
+        let tiny = <L::Part as Lanes>::splat(f32::MIN_POSITIVE);
+        let mut near = <L::Part as Part>::load(&group.t_min, part).sub(tiny);
+        let mut far = <L::Part as Part>::load(&group.limits, part).add(tiny);
         for (axis, slab) in beam.iter().enumerate() {
             let (low, high) = (node.bounds[axis][slot], node.bounds[axis + 3][slot]);
-            let (first, last) = slab.of_each(part, low, high);
+            let (first, last) = slab.each.as_ref()[part].meet(low, high);
             near = near.max(first);
             far = far.min(last);
         }
-        met |= near.le(far) << (WIDTH * part);
+        met |= near.le(far) << (L::Part::COUNT * part);
     }
     met
 }
 
 /// A packet on its way through a tree.
-struct Packet<'a, L, S> {
+struct Packet<'a, L: Eight, S> {
     wide: &'a Wide,
     /// Relative to the centre of the scene.
     origins: [Numbers; 3],
     directions: [Numbers; 3],
     margin: f32,
-    sights: Option<Sights<L>>,
+    sights: Option<Sights<L::Part>>,
     group: Group<S>,
 }
 
-impl<L: Lanes, S: Search> Packet<'_, L, S> {
+impl<L: Eight, S: Search> Packet<'_, L, S> {
     #[inline(always)]
     fn beam(&self, frame: u32) -> Beam<L> {
         let frame = &self.wide.frames[frame as usize];
@@ -343,8 +359,8 @@ impl<L: Lanes, S: Search> Packet<'_, L, S> {
     fn run(&mut self, space: &mut Space<Spot, Beam<L>>) {
         let wide = self.wide;
         let (mut stack, mut frames) = space.emptied();
-        let mut limit = self.group.limit::<L>() + f32::MIN_POSITIVE;
-        let t_min = L::splat(self.group.first::<L>() - f32::MIN_POSITIVE);
+        let mut limit = self.group.limit::<L::Part>() + f32::MIN_POSITIVE;
+        let t_min = L::splat(self.group.first::<L::Part>() - f32::MIN_POSITIVE);
         let mut next = Spot::ROOT;
         loop {
             let child = next.link.child();
@@ -380,7 +396,7 @@ impl<L: Lanes, S: Search> Packet<'_, L, S> {
                     let active = meet(beam, node, next.slot as usize, &self.group);
                     if active != 0 {
                         self.visit((start, count), active);
-                        limit = self.group.limit::<L>() + f32::MIN_POSITIVE;
+                        limit = self.group.limit::<L::Part>() + f32::MIN_POSITIVE;
                         if limit == f32::NEG_INFINITY {
                             return;
                         }
@@ -405,13 +421,13 @@ impl<L: Lanes, S: Search> Packet<'_, L, S> {
         while rest != 0 {
             let ray = rest.trailing_zeros() as usize;
             rest &= rest - 1;
-            let from = (self.group.t_min.as_flattened()[ray], self.group.reach);
+            let from = (self.group.t_min[ray], self.group.reach);
             let search = &mut self.group.searches[ray];
             match leaf::visit::<L, S>(self.wide, leaf, from, search) {
                 ControlFlow::Break(()) => self.group.stop(ray),
                 ControlFlow::Continue(false) => {}
                 ControlFlow::Continue(true) => {
-                    self.group.limits.as_flattened_mut()[ray] = search.limit_above();
+                    self.group.limits[ray] = search.limit_above();
                 }
             }
         }
@@ -429,7 +445,7 @@ fn are_alike(a: &Ray, b: &Ray) -> bool {
 
 /// Takes rays through the tree together; false where they do not go together, or not well enough.
 #[inline(always)]
-pub(super) fn traverse<L: Lanes, Q: Question>(
+pub(super) fn traverse<L: Eight, Q: Question>(
     wide: &Wide,
     rays: &[Ray; RAYS],
     answers: &mut [Q::Answer; RAYS],
@@ -440,21 +456,27 @@ pub(super) fn traverse<L: Lanes, Q: Question>(
     if judge && !(are_alike(&rays[0], &rays[RAYS - 1]) && are_alike(&rays[0], &rays[RAYS / 2])) {
         return false;
     }
-    let (mut origins, mut directions) = ([[[0.0; WIDTH]; PARTS]; 3], [[[0.0; WIDTH]; PARTS]; 3]);
-    let (mut t_min, mut limits) = ([[0.0; WIDTH]; PARTS], [[0.0; WIDTH]; PARTS]);
-    for (part, rays) in rays.as_chunks::<WIDTH>().0.iter().enumerate() {
+    let (mut origins, mut directions) = ([[0.0; RAYS]; 3], [[0.0; RAYS]; 3]);
+    let (mut t_min, mut limits) = ([0.0; RAYS], [0.0; RAYS]);
+    for (half, rays) in rays.as_chunks::<WIDTH>().0.iter().enumerate() {
         let [ox, oy, oz, dx, dy, dz, low, high] = L::columns(bytemuck::cast_ref(rays));
         let ordinary = line::are_ordinary([ox, oy, oz], [dx, dy, dz]);
         // A number is equal to itself.
         if ordinary & low.le(low) & high.le(high) != u32::MAX >> (32 - WIDTH) {
             return false;
         }
-        (origins[0][part], directions[0][part]) = (ox.to_array(), dx.to_array());
-        (origins[1][part], directions[1][part]) = (oy.to_array(), dy.to_array());
-        (origins[2][part], directions[2][part]) = (oz.to_array(), dz.to_array());
-        (t_min[part], limits[part]) = (low.to_array(), high.to_array());
+        let [x, y, z] = &mut origins;
+        put(x, half, ox);
+        put(y, half, oy);
+        put(z, half, oz);
+        let [x, y, z] = &mut directions;
+        put(x, half, dx);
+        put(y, half, dy);
+        put(z, half, dz);
+        put(&mut t_min, half, low);
+        put(&mut limits, half, high);
     }
-    let sights = Sights::<L>::new(&origins, &directions);
+    let sights = Sights::<L::Part>::new(&origins, &directions);
     // Not by a closure: see the head of `wide`.
     let close = match &sights {
         Some(sights) => sights.are_close(),
@@ -465,14 +487,15 @@ pub(super) fn traverse<L: Lanes, Q: Question>(
     }
     let mut reach = 0.0;
     for (origins, &center) in origins.iter_mut().zip(&wide.center) {
-        let (mut low, mut high) = (L::splat(f32::INFINITY), L::splat(f32::NEG_INFINITY));
-        for part in origins {
-            let origin = L::load(part).sub(L::splat(center));
-            *part = origin.to_array();
+        let splat = <L::Part as Lanes>::splat;
+        let (mut low, mut high) = (splat(f32::INFINITY), splat(f32::NEG_INFINITY));
+        for part in 0..L::Part::PARTS {
+            let origin = <L::Part as Part>::load(origins, part).sub(splat(center));
+            origin.store(origins, part);
             low = low.min(origin);
             high = high.max(origin);
         }
-        let (low, high) = (lowest(low), highest(high));
+        let (low, high) = (lowest(low), high.highest());
         if judge && high - low > MAX_DISTANCE * wide.half_extent {
             return false;
         }
@@ -503,26 +526,24 @@ pub(super) fn traverse<L: Lanes, Q: Question>(
 }
 
 #[inline(always)]
-fn load<L: Lanes>(from: &[Numbers; 3], part: usize) -> [L; 3] {
+fn load<P: Part>(from: &[Numbers; 3], part: usize) -> [P; 3] {
     let [x, y, z] = from;
-    [L::load(&x[part]), L::load(&y[part]), L::load(&z[part])]
+    [P::load(x, part), P::load(y, part), P::load(z, part)]
+}
+
+/// Writes the numbers of the first or the second eight rays.
+#[inline(always)]
+fn put<L: Eight>(to: &mut Numbers, half: usize, numbers: L) {
+    to.as_chunks_mut().0[half] = numbers.to_array();
+}
+
+/// A bit for each ray of a part.
+#[inline(always)]
+pub(super) fn all<P: Part>() -> u32 {
+    u32::MAX >> (32 - P::COUNT)
 }
 
 #[inline(always)]
-fn lowest<L: Lanes>(numbers: L) -> f32 {
-    -highest(numbers.times_sign(L::splat(-1.0)))
-}
-
-/// In halves, for which there are instructions.
-#[inline(always)]
-fn highest<L: Lanes>(numbers: L) -> f32 {
-    let mut numbers = numbers.to_array();
-    for half in [4, 2, 1] {
-        for i in 0..half {
-            if numbers[half + i] > numbers[i] {
-                numbers[i] = numbers[half + i];
-            }
-        }
-    }
-    numbers[0]
+fn lowest<P: Part>(numbers: P) -> f32 {
+    -numbers.times_sign(P::splat(-1.0)).highest()
 }

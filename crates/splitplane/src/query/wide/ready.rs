@@ -6,7 +6,7 @@ use glam::Vec3A;
 use super::line::{self, BoxTest, Course, FrameRay, Line, ROWS};
 use super::{along, root, splats};
 use crate::geometry::{Frame, Ray};
-use crate::query::simd::Lanes;
+use crate::query::simd::{Eight, Lanes};
 use crate::tree::wide::{WIDTH, Wide};
 
 /// A number for each ray.
@@ -41,7 +41,7 @@ pub(super) struct AtRoot {
 impl AtRoot {
     /// A bit for each child that one of the rays meets, and where their boxes are entered.
     #[inline(always)]
-    pub(super) fn of<L: Lanes>(&self, i: usize) -> (u32, L) {
+    pub(super) fn of<L: Eight>(&self, i: usize) -> (u32, L) {
         (self.children[i % WIDTH], L::load(&self.near[i % WIDTH]))
     }
 }
@@ -49,7 +49,7 @@ impl AtRoot {
 impl Ready {
     /// Of up to eight rays.
     #[inline(always)]
-    pub(super) fn new<L: Lanes>(wide: &Wide, rays: &[Ray]) -> Self {
+    pub(super) fn new<L: Eight>(wide: &Wide, rays: &[Ray]) -> Self {
         match rays.try_into() {
             Ok(rays) => Ready::of_eight::<L>(wide, rays),
             Err(_) => {
@@ -62,7 +62,7 @@ impl Ready {
     }
 
     #[inline(always)]
-    fn of_eight<L: Lanes>(wide: &Wide, rays: &[Ray; WIDTH]) -> Self {
+    fn of_eight<L: Eight>(wide: &Wide, rays: &[Ray; WIDTH]) -> Self {
         let [ox, oy, oz, dx, dy, dz, t_min, t_max] = L::columns(bytemuck::cast_ref(rays));
         let [cx, cy, cz] = splats::<L>(wide.center);
         let (origin, direction) = ([ox.sub(cx), oy.sub(cy), oz.sub(cz)], [dx, dy, dz]);
@@ -139,7 +139,7 @@ impl Ready {
     /// What the rays meet of the root. Nothing has to be foreseen for that, and no ray waits for
     /// another.
     #[inline(always)]
-    pub(super) fn meet_root<L: Lanes>(&self, wide: &Wide) -> AtRoot {
+    pub(super) fn meet_root<L: Eight>(&self, wide: &Wide) -> AtRoot {
         let mut at_root = AtRoot {
             rays: 0,
             children: [0; WIDTH],

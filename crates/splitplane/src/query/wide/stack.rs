@@ -2,7 +2,7 @@
 
 use std::mem::MaybeUninit;
 
-use crate::query::simd::Lanes;
+use crate::query::simd::Eight;
 use crate::query::traverse::Search;
 use crate::tree::wide::{Link, MAX_DEPTH, MAX_FRAMES, WIDTH, Wide, WideNode};
 
@@ -113,7 +113,7 @@ impl<P: Place> Stack<'_, P> {
     /// Of the children of a node that are met, a bit for each of at least one, the one to be visited
     /// first; the others are kept for later. `near` is where their boxes are entered.
     #[inline(always)]
-    pub(super) fn choose<L: Lanes, S: Search>(
+    pub(super) fn choose<L: Eight, S: Search>(
         &mut self,
         wide: &Wide,
         (index, node): (usize, &WideNode),
@@ -210,7 +210,7 @@ impl<P: Place> Stack<'_, P> {
 
     /// Puts a child on the stack and asks for its memory.
     #[inline(always)]
-    fn push<L: Lanes>(&mut self, wide: &Wide, entry: Entry<P>) {
+    fn push<L: Eight>(&mut self, wide: &Wide, entry: Entry<P>) {
         L::prefetch(wide.address(entry.place.link()));
         self.set(self.depth, Pending { entry });
         self.depth += 1;
