@@ -1,9 +1,9 @@
 //! Rays that go much the same way, taken through the tree together.
 //!
 //! A node is visited once for all of a packet's rays, and its boxes are held against all of them at
-//! once, by intervals of what the rays have [Boulos2006]; a leaf's box is held against eight rays at
-//! a time, and so is each of its triangles. Boxes only decide what is looked at: hits are those of
-//! single rays, bit for bit.
+//! once, by intervals of what the rays have [Boulos2006]; a leaf's box is held against a [`Part`] of
+//! the rays at a time, and so is each of its triangles. Boxes only decide what is looked at: hits are
+//! those of single rays, bit for bit.
 
 use std::ops::ControlFlow;
 
