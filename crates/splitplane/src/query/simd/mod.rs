@@ -32,6 +32,8 @@ pub(super) trait Lanes: Copy {
     fn le(self, other: Self) -> u32;
     /// A bit for each pair that is ordered so.
     fn lt(self, other: Self) -> u32;
+    /// The largest one; there are no NaNs.
+    fn highest(self) -> f32;
 }
 
 /// Eight of them: the boxes of a node, the triangles of a leaf.
@@ -58,12 +60,30 @@ pub(super) trait Part: Lanes {
     const COUNT: usize;
     /// How many parts there are.
     const PARTS: usize = SIXTEEN / Self::COUNT;
+    /// A bit for each in a part.
+    const ALL: u32 = u32::MAX >> (32 - Self::COUNT);
     /// The same for each part.
     fn parts<T: Copy>(value: T) -> Self::Parts<T>;
-    fn load(from: &[f32; SIXTEEN], part: usize) -> Self;
-    fn store(self, to: &mut [f32; SIXTEEN], part: usize);
-    /// The largest one; there are no NaNs.
-    fn highest(self) -> f32;
+    fn load_part(from: &[f32; SIXTEEN], part: usize) -> Self;
+    fn store_part(self, to: &mut [f32; SIXTEEN], part: usize);
+}
+
+impl<L: Eight> Part for L {
+    type Parts<T: Copy> = [T; 2];
+    const COUNT: usize = 8;
+
+    #[inline(always)]
+    fn parts<T: Copy>(value: T) -> [T; 2] {
+        [value; 2]
+    }
+    #[inline(always)]
+    fn load_part(from: &[f32; SIXTEEN], part: usize) -> Self {
+        L::load(&from.as_chunks().0[part])
+    }
+    #[inline(always)]
+    fn store_part(self, to: &mut [f32; SIXTEEN], part: usize) {
+        to.as_chunks_mut().0[part] = self.to_array();
+    }
 }
 
 /// The bit of the sign.

@@ -1,6 +1,6 @@
 //! For any machine.
 
-use super::{Eight, Lanes, Part, SIGN, SIXTEEN};
+use super::{Eight, Lanes, SIGN};
 
 /// Eight f32 for any machine.
 #[derive(Clone, Copy)]
@@ -69,6 +69,10 @@ impl Lanes for Portable {
     fn lt(self, other: Self) -> u32 {
         self.mask(other, |a, b| a < b)
     }
+    #[inline(always)]
+    fn highest(self) -> f32 {
+        (self.0.into_iter()).fold(f32::NEG_INFINITY, f32::max)
+    }
 }
 
 impl Eight for Portable {
@@ -88,26 +92,4 @@ impl Eight for Portable {
     }
     #[inline(always)]
     fn prefetch(_: *const u8) {}
-}
-
-impl Part for Portable {
-    type Parts<T: Copy> = [T; 2];
-    const COUNT: usize = 8;
-
-    #[inline(always)]
-    fn parts<T: Copy>(value: T) -> [T; 2] {
-        [value; 2]
-    }
-    #[inline(always)]
-    fn load(from: &[f32; SIXTEEN], part: usize) -> Self {
-        Portable(from.as_chunks().0[part])
-    }
-    #[inline(always)]
-    fn store(self, to: &mut [f32; SIXTEEN], part: usize) {
-        to.as_chunks_mut().0[part] = self.0;
-    }
-    #[inline(always)]
-    fn highest(self) -> f32 {
-        (self.0.into_iter()).fold(f32::NEG_INFINITY, f32::max)
-    }
 }

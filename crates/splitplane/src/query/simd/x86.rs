@@ -114,6 +114,16 @@ impl<M: Machine> Lanes for Avx2<M> {
         // SAFETY: see `Avx2`.
         unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0)) as u32 }
     }
+    #[inline(always)]
+    fn highest(self) -> f32 {
+        // SAFETY: see `Avx2`.
+        unsafe {
+            let upper = _mm256_extractf128_ps::<1>(self.0);
+            let four = _mm_max_ps(_mm256_castps256_ps128(self.0), upper);
+            let two = _mm_max_ps(four, _mm_movehl_ps(four, four));
+            _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)))
+        }
+    }
 }
 
 impl<M: Machine> Eight for Avx2<M> {
@@ -147,34 +157,6 @@ impl<M: Machine> Eight for Avx2<M> {
         for line in 0..5 {
             // SAFETY: see `Avx2`; a prefetch reads nothing that the program sees.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(address.wrapping_add(64 * line).cast()) };
-        }
-    }
-}
-
-impl<M: Machine> Part for Avx2<M> {
-    type Parts<T: Copy> = [T; 2];
-    const COUNT: usize = 8;
-
-    #[inline(always)]
-    fn parts<T: Copy>(value: T) -> [T; 2] {
-        [value; 2]
-    }
-    #[inline(always)]
-    fn load(from: &[f32; SIXTEEN], part: usize) -> Self {
-        Eight::load(&from.as_chunks().0[part])
-    }
-    #[inline(always)]
-    fn store(self, to: &mut [f32; SIXTEEN], part: usize) {
-        to.as_chunks_mut().0[part] = self.to_array();
-    }
-    #[inline(always)]
-    fn highest(self) -> f32 {
-        // SAFETY: see `Avx2`.
-        unsafe {
-            let upper = _mm256_extractf128_ps::<1>(self.0);
-            let four = _mm_max_ps(_mm256_castps256_ps128(self.0), upper);
-            let two = _mm_max_ps(four, _mm_movehl_ps(four, four));
-            _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)))
         }
     }
 }
@@ -277,6 +259,11 @@ impl Lanes for Avx512 {
         // SAFETY: see `Avx512`.
         u32::from(unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(self.0, other.0) })
     }
+    #[inline(always)]
+    fn highest(self) -> f32 {
+        // SAFETY: see `Avx512`.
+        unsafe { _mm512_reduce_max_ps(self.0) }
+    }
 }
 
 impl Part for Avx512 {
@@ -288,18 +275,13 @@ impl Part for Avx512 {
         [value]
     }
     #[inline(always)]
-    fn load(from: &[f32; SIXTEEN], _: usize) -> Self {
+    fn load_part(from: &[f32; SIXTEEN], _: usize) -> Self {
         // SAFETY: see `Avx512`; there are sixteen numbers.
         Avx512(unsafe { _mm512_loadu_ps(from.as_ptr()) })
     }
     #[inline(always)]
-    fn store(self, to: &mut [f32; SIXTEEN], _: usize) {
+    fn store_part(self, to: &mut [f32; SIXTEEN], _: usize) {
         // SAFETY: see `Avx512`; there is room for sixteen numbers.
         unsafe { _mm512_storeu_ps(to.as_mut_ptr(), self.0) }
-    }
-    #[inline(always)]
-    fn highest(self) -> f32 {
-        // SAFETY: see `Avx512`.
-        unsafe { _mm512_reduce_max_ps(self.0) }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::ops::ControlFlow;
 
-use super::packet::{Group, Sights, all};
+use super::packet::{Group, Sights};
 use super::splats;
 use crate::geometry::triangle::Shear;
 use crate::query::Hit;
@@ -447,7 +447,7 @@ pub(super) fn visit_group<P: Part, S: Search>(
         let corners = [splats(x), splats(y), splats(z)];
         for (part, sight) in sights.parts.as_ref().iter().enumerate() {
             let first = P::COUNT * part;
-            let rays = active >> first & all::<P>();
+            let rays = active >> first & P::ALL;
             if rays == 0 {
                 continue;
             }
@@ -457,10 +457,10 @@ pub(super) fn visit_group<P: Part, S: Search>(
                 continue;
             }
             let depths = block.depths(sight.along);
-            let low = Limit::new(P::load(&group.t_min, part), sight.along, group.reach);
-            let high = Limit::new(P::load(&group.limits, part), sight.along, group.reach);
+            let low = Limit::new(P::load_part(&group.t_min, part), sight.along, group.reach);
+            let high = Limit::new(P::load_part(&group.limits, part), sight.along, group.reach);
             if S::NEEDS_NO_HIT {
-                let near = P::load(&group.limits, part).min(P::splat(FURTHEST));
+                let near = P::load_part(&group.limits, part).min(P::splat(FURTHEST));
                 let near = Limit::new(near, sight.along, group.reach);
                 let mut found = candidates
                     & block.inside()

@@ -65,30 +65,10 @@ impl<S: Search, C: Counters> Task for Walk<'_, S, C> {
             counters,
         } = self;
         let mut space = Space::NEW;
-        walk::<L, S>(
-            wide,
-            Line::new(wide, ray),
-            ray,
-            search,
-            counters,
-            &mut space,
-        );
-    }
-}
-
-/// `course` is none for a ray that hits nothing, whatever there is.
-#[inline(always)]
-fn walk<L: Eight, S: Search>(
-    wide: &Wide,
-    course: Option<impl Course>,
-    ray: &Ray,
-    search: &mut S,
-    counters: &mut impl Counters,
-    space: &mut Space<Link, FrameRay>,
-) {
-    if let Some(course) = course {
-        let mut cursor = Cursor::<L, _>::new(wide, course, ray, search, space);
-        while cursor.step(wide, search, counters) {}
+        if let Some(line) = Line::new(wide, ray) {
+            let mut cursor = Cursor::<L, _>::new(wide, line, ray, search, &mut space);
+            while cursor.step(wide, search, counters) {}
+        }
     }
 }
 

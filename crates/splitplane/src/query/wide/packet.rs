@@ -102,9 +102,9 @@ impl<S: Search> Group<S> {
     /// The limit of the search that wants most.
     #[inline(always)]
     fn limit<P: Part>(&self) -> f32 {
-        let mut most = P::load(&self.limits, 0);
+        let mut most = P::load_part(&self.limits, 0);
         for part in 1..P::PARTS {
-            most = most.max(P::load(&self.limits, part));
+            most = most.max(P::load_part(&self.limits, part));
         }
         most.highest()
     }
@@ -112,9 +112,9 @@ impl<S: Search> Group<S> {
     /// The t_min of the search that begins first.
     #[inline(always)]
     fn first<P: Part>(&self) -> f32 {
-        let mut first = P::load(&self.t_min, 0);
+        let mut first = P::load_part(&self.t_min, 0);
         for part in 1..P::PARTS {
-            first = first.min(P::load(&self.t_min, part));
+            first = first.min(P::load_part(&self.t_min, part));
         }
         lowest(first)
     }
@@ -142,9 +142,9 @@ impl<P: Part> Sights<P> {
             let along_x = y.lt(x) & z.lt(x);
             let along_y = !along_x & z.lt(y);
             same &= match axes[2] {
-                0 => along_x == all::<P>(),
-                1 => along_y & all::<P>() == all::<P>(),
-                _ => (along_x | along_y) & all::<P>() == 0,
+                0 => along_x == P::ALL,
+                1 => along_y & P::ALL == P::ALL,
+                _ => (along_x | along_y) & P::ALL == 0,
             };
         }
         same.then_some(Sights { axes, parts })
@@ -155,11 +155,8 @@ impl<P: Part> Sights<P> {
     fn are_close(&self) -> bool {
         let mut close = true;
         for axis in 0..2 {
-            let [first, rest @ ..] = self.parts.as_ref() else {
-                return false;
-            };
-            let (mut low, mut high) = (first.shear[axis], first.shear[axis]);
-            for sight in rest {
+            let (mut low, mut high) = (P::splat(f32::INFINITY), P::splat(f32::NEG_INFINITY));
+            for sight in self.parts.as_ref() {
                 low = low.min(sight.shear[axis]);
                 high = high.max(sight.shear[axis]);
             }
@@ -318,8 +315,8 @@ fn meet<L: Eight, S>(beam: &Beam<L>, node: &WideNode, slot: usize, group: &Group
     let mut met = 0;
     for part in 0..L::Part::PARTS {
         let tiny = <L::Part as Lanes>::splat(f32::MIN_POSITIVE);
-        let mut near = <L::Part as Part>::load(&group.t_min, part).sub(tiny);
-        let mut far = <L::Part as Part>::load(&group.limits, part).add(tiny);
+        let mut near = L::Part::load_part(&group.t_min, part).sub(tiny);
+        let mut far = L::Part::load_part(&group.limits, part).add(tiny);
         for (axis, slab) in beam.iter().enumerate() {
             let (low, high) = (node.bounds[axis][slot], node.bounds[axis + 3][slot]);
             let (first, last) = slab.each.as_ref()[part].meet(low, high);
@@ -490,8 +487,8 @@ pub(super) fn traverse<L: Eight, Q: Question>(
         let splat = <L::Part as Lanes>::splat;
         let (mut low, mut high) = (splat(f32::INFINITY), splat(f32::NEG_INFINITY));
         for part in 0..L::Part::PARTS {
-            let origin = <L::Part as Part>::load(origins, part).sub(splat(center));
-            origin.store(origins, part);
+            let origin = L::Part::load_part(origins, part).sub(splat(center));
+            origin.store_part(origins, part);
             low = low.min(origin);
             high = high.max(origin);
         }
@@ -528,19 +525,17 @@ pub(super) fn traverse<L: Eight, Q: Question>(
 #[inline(always)]
 fn load<P: Part>(from: &[Numbers; 3], part: usize) -> [P; 3] {
     let [x, y, z] = from;
-    [P::load(x, part), P::load(y, part), P::load(z, part)]
+    [
+        P::load_part(x, part),
+        P::load_part(y, part),
+        P::load_part(z, part),
+    ]
 }
 
 /// Writes the numbers of the first or the second eight rays.
 #[inline(always)]
 fn put<L: Eight>(to: &mut Numbers, half: usize, numbers: L) {
     to.as_chunks_mut().0[half] = numbers.to_array();
-}
-
-/// A bit for each ray of a part.
-#[inline(always)]
-pub(super) fn all<P: Part>() -> u32 {
-    u32::MAX >> (32 - P::COUNT)
 }
 
 #[inline(always)]
