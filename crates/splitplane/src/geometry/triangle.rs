@@ -1,5 +1,7 @@
 //! The watertight ray-triangle test [Woop2013].
 
+use std::ops::{Add, Div, Mul, Sub};
+
 use super::Ray;
 use crate::query::Hit;
 
@@ -58,8 +60,8 @@ impl Shear {
     #[inline(always)]
     pub(crate) fn meet(&self, corners: &[[f32; 3]; 3], triangle: u32) -> Option<Hit> {
         let along = self.axes.map(|axis| corners.map(|p| p[axis]));
-        let [[ax, bx, cx], [ay, by, cy], _] = self.apply(along);
-        let (u, v, w) = (cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax);
+        let [x, y, _] = self.apply(along);
+        let [u, v, w] = edges(x, y);
         if (u < 0.0 || v < 0.0 || w < 0.0) && (u > 0.0 || v > 0.0 || w > 0.0) {
             return None;
         }
@@ -71,28 +73,56 @@ impl Shear {
     #[inline(always)]
     pub(crate) fn meet_exactly(&self, along: [[f32; 3]; 3], triangle: u32) -> Option<Hit> {
         let [x, y, z] = self.apply(along);
-        let ([ax, bx, cx], [ay, by, cy], [az, bz, cz]) = (wide(x), wide(y), wide(z));
-        let u = cx * by - cy * bx;
-        let v = ax * cy - ay * cx;
-        let w = bx * ay - by * ax;
+        let edges @ [u, v, w] = edges(wide(x), wide(y));
         // Both looked at together: which one it is is hard to foresee.
         let lower = |a: f64, b: f64| if a < b { a } else { b };
         let higher = |a: f64, b: f64| if a > b { a } else { b };
         if (lower(lower(u, v), w) < 0.0) & (higher(higher(u, v), w) > 0.0) {
             return None;
         }
-        let determinant = u + v + w;
+        let determinant = determinant(edges);
         if determinant == 0.0 || determinant.is_nan() {
             return None;
         }
-        let depth = u * az + v * bz + w * cz;
+        let [t, u, v] = place(edges, determinant, wide(z), f64::from(self.shear[2]));
         Some(Hit {
-            t: (depth * f64::from(self.shear[2]) / determinant) as f32,
-            u: (v / determinant) as f32,
-            v: (w / determinant) as f32,
+            t: t as f32,
+            u: u as f32,
+            v: v as f32,
             triangle,
         })
     }
+}
+
+/// The edge functions of sheared corners, opposite to them; exact in f64. Of one triangle or of many
+/// side by side.
+#[inline(always)]
+pub(crate) fn edges<N: Copy + Mul<Output = N> + Sub<Output = N>>(
+    [ax, bx, cx]: [N; 3],
+    [ay, by, cy]: [N; 3],
+) -> [N; 3] {
+    [cx * by - cy * bx, ax * cy - ay * cx, bx * ay - by * ax]
+}
+
+#[inline(always)]
+pub(crate) fn determinant<N: Add<Output = N>>([u, v, w]: [N; 3]) -> N {
+    u + v + w
+}
+
+/// t, u and v of a hit; `inverse` is one over the direction's largest component.
+#[inline(always)]
+pub(crate) fn place<N: Copy + Add<Output = N> + Mul<Output = N> + Div<Output = N>>(
+    [u, v, w]: [N; 3],
+    determinant: N,
+    [az, bz, cz]: [N; 3],
+    inverse: N,
+) -> [N; 3] {
+    let depth = u * az + v * bz + w * cz;
+    [
+        depth * inverse / determinant,
+        v / determinant,
+        w / determinant,
+    ]
 }
 
 /// Where points are beside the ray along an axis, from where they are along the ray.

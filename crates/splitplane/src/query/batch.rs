@@ -28,9 +28,12 @@ pub enum Coherence {
 /// What many rays are asked.
 pub(super) trait Question {
     type Search<'r>: Search;
-    type Answer: Send;
-    fn search(ray: &Ray) -> Self::Search<'_>;
-    fn answer(search: &Self::Search<'_>) -> Self::Answer;
+    type Answer: Copy + Send;
+    /// A search that has found this so far.
+    fn search(ray: &Ray, found: Option<Hit>) -> Self::Search<'_>;
+    /// What a search has found so far. It wants nothing beyond.
+    fn found(search: &Self::Search<'_>) -> Option<Hit>;
+    fn answer(found: Option<Hit>) -> Self::Answer;
 }
 
 pub(super) struct ClosestHit;
@@ -40,13 +43,18 @@ impl Question for ClosestHit {
     type Answer = Option<Hit>;
 
     #[inline(always)]
-    fn search(ray: &Ray) -> Self::Search<'_> {
-        Closest::new(ray, Everything)
+    fn search(ray: &Ray, found: Option<Hit>) -> Self::Search<'_> {
+        Closest::after(ray, found, Everything)
     }
 
     #[inline(always)]
-    fn answer(search: &Self::Search<'_>) -> Option<Hit> {
+    fn found(search: &Self::Search<'_>) -> Option<Hit> {
         search.found()
+    }
+
+    #[inline(always)]
+    fn answer(found: Option<Hit>) -> Option<Hit> {
+        found
     }
 }
 
@@ -57,15 +65,28 @@ impl Question for AnyHit {
     type Answer = bool;
 
     #[inline(always)]
-    fn search(ray: &Ray) -> Self::Search<'_> {
+    fn search(ray: &Ray, _: Option<Hit>) -> Self::Search<'_> {
         Any::new(ray, Everything)
     }
 
     #[inline(always)]
-    fn answer(search: &Self::Search<'_>) -> bool {
-        search.found
+    fn found(search: &Self::Search<'_>) -> Option<Hit> {
+        search.found.then_some(SOME_HIT)
+    }
+
+    #[inline(always)]
+    fn answer(found: Option<Hit>) -> bool {
+        found.is_some()
     }
 }
+
+/// A hit, whatever it is: nothing is nearer.
+const SOME_HIT: Hit = Hit {
+    t: f32::NEG_INFINITY,
+    u: 0.0,
+    v: 0.0,
+    triangle: 0,
+};
 
 pub(crate) fn closest_hits(
     tree: &Tree,
@@ -95,8 +116,8 @@ fn chunk<Q: Question>(tree: &Tree, rays: &[Ray], answers: &mut [Q::Answer], cohe
         return wide::traverse_all::<Q>(wide, rays, answers, coherence);
     }
     for (ray, answer) in rays.iter().zip(answers) {
-        let mut search = Q::search(ray);
+        let mut search = Q::search(ray, None);
         run(tree, ray, &mut search, &mut ());
-        *answer = Q::answer(&search);
+        *answer = Q::answer(Q::found(&search));
     }
 }

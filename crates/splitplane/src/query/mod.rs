@@ -173,14 +173,21 @@ struct Closest<'r, A> {
 impl<'r, A: Accept> Closest<'r, A> {
     #[inline(always)]
     fn new(ray: &'r Ray, accept: A) -> Self {
+        Closest::after(ray, None, accept)
+    }
+
+    /// Once this has been found.
+    #[inline(always)]
+    fn after(ray: &'r Ray, found: Option<Hit>, accept: A) -> Self {
+        let nothing = Hit {
+            t: ray.t_max,
+            u: 0.0,
+            v: 0.0,
+            triangle: NONE,
+        };
         Closest {
             aim: Aim::new(ray),
-            best: Hit {
-                t: ray.t_max,
-                u: 0.0,
-                v: 0.0,
-                triangle: NONE,
-            },
+            best: found.unwrap_or(nothing),
             accept,
         }
     }
@@ -303,7 +310,7 @@ impl<A: Accept> Search for Any<'_, A> {
 }
 
 /// No triangle has this index: see [`Mesh::MAX_COUNT`].
-const NONE: u32 = u32::MAX;
+pub(crate) const NONE: u32 = u32::MAX;
 
 #[inline(always)]
 pub(crate) fn closest_hit(

@@ -9,10 +9,13 @@ mod portable;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+use std::ops::{Add, Div, Mul, Sub};
 use std::sync::atomic::{AtomicU8, Ordering};
 
 /// f32 side by side, at most 32 of them.
 pub(super) trait Lanes: Copy {
+    /// Half as many f64.
+    type Double: Double;
     fn splat(value: f32) -> Self;
     fn add(self, other: Self) -> Self;
     fn sub(self, other: Self) -> Self;
@@ -32,57 +35,86 @@ pub(super) trait Lanes: Copy {
     fn le(self, other: Self) -> u32;
     /// A bit for each pair that is ordered so.
     fn lt(self, other: Self) -> u32;
+    /// A bit for each that has the sign.
+    fn negative(self) -> u32;
+    /// A bit for each pair whose bits are ordered so, as unsigned numbers.
+    fn lt_bits(self, other: Self) -> u32;
+    /// Those of `other` where there is a bit.
+    fn select(self, bits: u32, other: Self) -> Self;
     /// The largest one; there are no NaNs.
     fn highest(self) -> f32;
+    /// As f64, the first and the second half of them.
+    fn halves(self) -> [Self::Double; 2];
+    /// Rounded to the nearest f32.
+    fn of_halves(halves: [Self::Double; 2]) -> Self;
+}
+
+/// f64 side by side.
+pub(super) trait Double:
+    Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+{
+    /// How many there are.
+    const COUNT: u32;
+    /// A bit for each that is below 0.
+    fn negative(self) -> u32;
+    /// A bit for each that is above 0.
+    fn positive(self) -> u32;
 }
 
 /// Eight of them: the boxes of a node, the triangles of a leaf.
 pub(super) trait Eight: Lanes {
-    /// As many as the machine takes at once of [`SIXTEEN`].
+    /// As many as the machine takes at once, of rays.
     type Part: Part;
     fn load(from: &[f32; 8]) -> Self;
     fn to_array(self) -> [f32; 8];
     /// Of eight rows, the columns.
     fn columns(rows: &[[f32; 8]; 8]) -> [Self; 8];
-    /// Asks for 320 bytes of memory, as many as a leaf has at most, since they will be needed soon;
-    /// any address will do.
+    /// Asks for [`PREFETCH`] bytes of memory, since they will be needed soon; any address will do.
     fn prefetch(address: *const u8);
 }
 
-/// How many a [`Part`] is a part of: the rays of a packet.
-pub(super) const SIXTEEN: usize = 16;
+/// As many bytes as a leaf has at most.
+pub(super) const PREFETCH: usize = 320;
 
-/// All of sixteen numbers, or the first or second half.
+/// The rays of a packet, at most: how many a [`Part`] is a part of.
+pub(super) const RAYS: usize = 64;
+
+/// As many f32 as the machine takes at once.
 pub(super) trait Part: Lanes {
-    /// Something for each part.
+    /// Something for each part of a packet.
     type Parts<T: Copy>: Copy + AsRef<[T]> + AsMut<[T]>;
     /// How many are in a part.
     const COUNT: usize;
-    /// How many parts there are.
-    const PARTS: usize = SIXTEEN / Self::COUNT;
     /// A bit for each in a part.
     const ALL: u32 = u32::MAX >> (32 - Self::COUNT);
     /// The same for each part.
     fn parts<T: Copy>(value: T) -> Self::Parts<T>;
-    fn load_part(from: &[f32; SIXTEEN], part: usize) -> Self;
-    fn store_part(self, to: &mut [f32; SIXTEEN], part: usize);
+    /// Of as many rows of eight as are in a part, the columns.
+    fn columns_of(rows: &[[f32; 8]]) -> [Self; 8];
+    /// As many as are in a part.
+    fn load_from(from: &[f32]) -> Self;
+    fn store_to(self, to: &mut [f32]);
 }
 
 impl<L: Eight> Part for L {
-    type Parts<T: Copy> = [T; 2];
+    type Parts<T: Copy> = [T; RAYS / 8];
     const COUNT: usize = 8;
 
     #[inline(always)]
-    fn parts<T: Copy>(value: T) -> [T; 2] {
-        [value; 2]
+    fn parts<T: Copy>(value: T) -> Self::Parts<T> {
+        [value; RAYS / 8]
     }
     #[inline(always)]
-    fn load_part(from: &[f32; SIXTEEN], part: usize) -> Self {
-        L::load(&from.as_chunks().0[part])
+    fn columns_of(rows: &[[f32; 8]]) -> [Self; 8] {
+        L::columns(&rows.as_chunks().0[0])
     }
     #[inline(always)]
-    fn store_part(self, to: &mut [f32; SIXTEEN], part: usize) {
-        to.as_chunks_mut().0[part] = self.to_array();
+    fn load_from(from: &[f32]) -> Self {
+        L::load(&from.as_chunks().0[0])
+    }
+    #[inline(always)]
+    fn store_to(self, to: &mut [f32]) {
+        to.as_chunks_mut().0[0] = self.to_array();
     }
 }
 

@@ -3,8 +3,9 @@
 
 use std::arch::x86_64::*;
 use std::marker::PhantomData;
+use std::ops::{Add, Div, Mul, Sub};
 
-use super::{Eight, Lanes, Part, SIXTEEN, Task};
+use super::{Double, Eight, Lanes, Part, RAYS, Task};
 
 /// # Safety
 /// The machine must have AVX2, FMA, BMI1, BMI2, LZCNT and POPCNT.
@@ -54,6 +55,8 @@ impl<M> Avx2<M> {
 }
 
 impl<M: Machine> Lanes for Avx2<M> {
+    type Double = Four;
+
     #[inline(always)]
     fn splat(value: f32) -> Self {
         // SAFETY: see `Avx2`.
@@ -115,6 +118,31 @@ impl<M: Machine> Lanes for Avx2<M> {
         unsafe { _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LT_OQ>(self.0, other.0)) as u32 }
     }
     #[inline(always)]
+    fn negative(self) -> u32 {
+        // SAFETY: see `Avx2`.
+        unsafe { _mm256_movemask_ps(self.0) as u32 }
+    }
+    #[inline(always)]
+    fn lt_bits(self, other: Self) -> u32 {
+        // SAFETY: see `Avx2`. There is an instruction for signed numbers.
+        unsafe {
+            let first = _mm256_set1_epi32(i32::MIN);
+            let a = _mm256_xor_si256(_mm256_castps_si256(self.0), first);
+            let b = _mm256_xor_si256(_mm256_castps_si256(other.0), first);
+            _mm256_movemask_ps(_mm256_castsi256_ps(_mm256_cmpgt_epi32(b, a))) as u32
+        }
+    }
+    #[inline(always)]
+    fn select(self, bits: u32, other: Self) -> Self {
+        // SAFETY: see `Avx2`.
+        unsafe {
+            let each = _mm256_setr_epi32(1, 2, 4, 8, 16, 32, 64, 128);
+            let given = _mm256_and_si256(_mm256_set1_epi32(bits as i32), each);
+            let mask = _mm256_castsi256_ps(_mm256_cmpeq_epi32(given, each));
+            Avx2::of(_mm256_blendv_ps(self.0, other.0, mask))
+        }
+    }
+    #[inline(always)]
     fn highest(self) -> f32 {
         // SAFETY: see `Avx2`.
         unsafe {
@@ -122,6 +150,24 @@ impl<M: Machine> Lanes for Avx2<M> {
             let four = _mm_max_ps(_mm256_castps256_ps128(self.0), upper);
             let two = _mm_max_ps(four, _mm_movehl_ps(four, four));
             _mm_cvtss_f32(_mm_max_ss(two, _mm_movehdup_ps(two)))
+        }
+    }
+    #[inline(always)]
+    fn halves(self) -> [Four; 2] {
+        // SAFETY: see `Avx2`.
+        unsafe {
+            [
+                Four(_mm256_cvtps_pd(_mm256_castps256_ps128(self.0))),
+                Four(_mm256_cvtps_pd(_mm256_extractf128_ps::<1>(self.0))),
+            ]
+        }
+    }
+    #[inline(always)]
+    fn of_halves([first, second]: [Four; 2]) -> Self {
+        // SAFETY: see `Avx2`.
+        unsafe {
+            let (first, second) = (_mm256_cvtpd_ps(first.0), _mm256_cvtpd_ps(second.0));
+            Avx2::of(_mm256_set_m128(second, first))
         }
     }
 }
@@ -199,6 +245,8 @@ unsafe fn four_columns<M: Machine>([a, b, c, d]: [__m256; 4]) -> [Avx2<M>; 4] {
 struct Avx512(__m512);
 
 impl Lanes for Avx512 {
+    type Double = EightWide;
+
     #[inline(always)]
     fn splat(value: f32) -> Self {
         // SAFETY: see `Avx512`.
@@ -260,28 +308,186 @@ impl Lanes for Avx512 {
         u32::from(unsafe { _mm512_cmp_ps_mask::<_CMP_LT_OQ>(self.0, other.0) })
     }
     #[inline(always)]
+    fn negative(self) -> u32 {
+        // SAFETY: see `Avx512`.
+        u32::from(unsafe { _mm512_movepi32_mask(_mm512_castps_si512(self.0)) })
+    }
+    #[inline(always)]
+    fn lt_bits(self, other: Self) -> u32 {
+        // SAFETY: see `Avx512`.
+        u32::from(unsafe {
+            _mm512_cmplt_epu32_mask(_mm512_castps_si512(self.0), _mm512_castps_si512(other.0))
+        })
+    }
+    #[inline(always)]
+    fn select(self, bits: u32, other: Self) -> Self {
+        // SAFETY: see `Avx512`.
+        Avx512(unsafe { _mm512_mask_blend_ps(bits as u16, self.0, other.0) })
+    }
+    #[inline(always)]
     fn highest(self) -> f32 {
         // SAFETY: see `Avx512`.
         unsafe { _mm512_reduce_max_ps(self.0) }
     }
+    #[inline(always)]
+    fn halves(self) -> [EightWide; 2] {
+        // SAFETY: see `Avx512`.
+        unsafe {
+            [
+                EightWide(_mm512_cvtps_pd(_mm512_castps512_ps256(self.0))),
+                EightWide(_mm512_cvtps_pd(_mm512_extractf32x8_ps::<1>(self.0))),
+            ]
+        }
+    }
+    #[inline(always)]
+    fn of_halves([first, second]: [EightWide; 2]) -> Self {
+        // SAFETY: see `Avx512`.
+        unsafe { joined(_mm512_cvtpd_ps(first.0), _mm512_cvtpd_ps(second.0)) }
+    }
+}
+
+/// # Safety
+/// Where there is an [`Avx512`].
+#[inline(always)]
+unsafe fn joined(first: __m256, second: __m256) -> Avx512 {
+    // SAFETY: the caller's word.
+    Avx512(unsafe { _mm512_insertf32x8::<1>(_mm512_castps256_ps512(first), second) })
 }
 
 impl Part for Avx512 {
-    type Parts<T: Copy> = [T; 1];
-    const COUNT: usize = SIXTEEN;
+    type Parts<T: Copy> = [T; RAYS / 16];
+    const COUNT: usize = 16;
 
     #[inline(always)]
-    fn parts<T: Copy>(value: T) -> [T; 1] {
-        [value]
+    fn parts<T: Copy>(value: T) -> Self::Parts<T> {
+        [value; RAYS / 16]
     }
     #[inline(always)]
-    fn load_part(from: &[f32; SIXTEEN], _: usize) -> Self {
+    fn columns_of(rows: &[[f32; 8]]) -> [Self; 8] {
+        let [first, second, ..] = rows.as_chunks().0 else {
+            unreachable!("sixteen rows");
+        };
+        let [a, b, c, d, e, f, g, h] = Avx2::<Wider>::columns(first);
+        let [i, j, k, l, m, n, o, p] = Avx2::<Wider>::columns(second);
+        // SAFETY: see `Avx512`.
+        unsafe {
+            [
+                joined(a.0, i.0),
+                joined(b.0, j.0),
+                joined(c.0, k.0),
+                joined(d.0, l.0),
+                joined(e.0, m.0),
+                joined(f.0, n.0),
+                joined(g.0, o.0),
+                joined(h.0, p.0),
+            ]
+        }
+    }
+    #[inline(always)]
+    fn load_from(from: &[f32]) -> Self {
+        let from: &[f32; 16] = &from.as_chunks().0[0];
         // SAFETY: see `Avx512`; there are sixteen numbers.
         Avx512(unsafe { _mm512_loadu_ps(from.as_ptr()) })
     }
     #[inline(always)]
-    fn store_part(self, to: &mut [f32; SIXTEEN], _: usize) {
+    fn store_to(self, to: &mut [f32]) {
+        let to: &mut [f32; 16] = &mut to.as_chunks_mut().0[0];
         // SAFETY: see `Avx512`; there is room for sixteen numbers.
         unsafe { _mm512_storeu_ps(to.as_mut_ptr(), self.0) }
     }
+}
+
+/// f64 in a register. Made only of the f32 above, where there are the instructions for them; this is
+/// what makes each `unsafe` in it sound.
+macro_rules! doubles {
+    ($name:ident, $register:ty, $add:ident, $sub:ident, $mul:ident, $div:ident, $lt:expr) => {
+        #[derive(Clone, Copy)]
+        pub(super) struct $name($register);
+
+        impl Add for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn add(self, other: Self) -> Self {
+                // SAFETY: see `doubles`.
+                $name(unsafe { $add(self.0, other.0) })
+            }
+        }
+
+        impl Sub for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn sub(self, other: Self) -> Self {
+                // SAFETY: see `doubles`.
+                $name(unsafe { $sub(self.0, other.0) })
+            }
+        }
+
+        impl Mul for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn mul(self, other: Self) -> Self {
+                // SAFETY: see `doubles`.
+                $name(unsafe { $mul(self.0, other.0) })
+            }
+        }
+
+        impl Div for $name {
+            type Output = Self;
+            #[inline(always)]
+            fn div(self, other: Self) -> Self {
+                // SAFETY: see `doubles`.
+                $name(unsafe { $div(self.0, other.0) })
+            }
+        }
+
+        impl Double for $name {
+            const COUNT: u32 = (size_of::<$register>() / size_of::<f64>()) as u32;
+
+            #[inline(always)]
+            fn negative(self) -> u32 {
+                // SAFETY: see `doubles`; zeros are numbers.
+                unsafe { $lt(self.0, std::mem::zeroed()) }
+            }
+            #[inline(always)]
+            fn positive(self) -> u32 {
+                // SAFETY: see `doubles`; zeros are numbers.
+                unsafe { $lt(std::mem::zeroed(), self.0) }
+            }
+        }
+    };
+}
+
+doubles!(
+    Four,
+    __m256d,
+    _mm256_add_pd,
+    _mm256_sub_pd,
+    _mm256_mul_pd,
+    _mm256_div_pd,
+    lt_of_four
+);
+doubles!(
+    EightWide,
+    __m512d,
+    _mm512_add_pd,
+    _mm512_sub_pd,
+    _mm512_mul_pd,
+    _mm512_div_pd,
+    lt_of_eight
+);
+
+/// # Safety
+/// Where there is an [`Avx2`].
+#[inline(always)]
+unsafe fn lt_of_four(a: __m256d, b: __m256d) -> u32 {
+    // SAFETY: the caller's word.
+    unsafe { _mm256_movemask_pd(_mm256_cmp_pd::<_CMP_LT_OQ>(a, b)) as u32 }
+}
+
+/// # Safety
+/// Where there is an [`Avx512`].
+#[inline(always)]
+unsafe fn lt_of_eight(a: __m512d, b: __m512d) -> u32 {
+    // SAFETY: the caller's word.
+    u32::from(unsafe { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(a, b) })
 }

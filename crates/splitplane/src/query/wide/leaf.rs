@@ -2,11 +2,12 @@
 
 use std::ops::ControlFlow;
 
-use super::packet::{Group, Sights};
+use super::packet::Members;
 use super::splats;
-use crate::geometry::triangle::Shear;
+use crate::geometry::Ray;
+use crate::geometry::triangle::{self, Shear, plane_is_beyond};
 use crate::query::Hit;
-use crate::query::simd::{Eight, Lanes, Part};
+use crate::query::simd::{Double, Eight, Lanes, Part};
 use crate::query::traverse::{Search, Triangle};
 use crate::tree::wide::{LEAF_ROWS, WIDTH, Wide};
 
@@ -29,7 +30,7 @@ const T_ERROR: f32 = 80.0 * 0.5 * f32::EPSILON;
 /// [`plane_is_beyond`](crate::geometry::triangle::plane_is_beyond) rounds in f64 is nothing beside.
 const SURE_ERROR: f32 = 320.0 * 0.5 * f32::EPSILON;
 
-/// No hit of a group beyond this t is known before it is computed: products with an infinite one
+/// No hit of a packet beyond this t is known before it is computed: products with an infinite one
 /// are not numbers.
 const FURTHEST: f32 = 1e15;
 
@@ -204,6 +205,40 @@ impl<L: Lanes> Block<L> {
         zero.lt(u.min(v).min(w)) | u.max(v).max(w).lt(zero)
     }
 
+    /// As [`Shear::meet_exactly`] does: a bit for each triangle that is met, and t, u and v there.
+    #[inline(always)]
+    fn exactly(&self, along: L) -> (u32, [L; 3]) {
+        let inverse = L::splat(1.0).div(along).halves();
+        let (met, [t, u, v]) = self.half_exactly(0, inverse);
+        let (also_met, [more_t, more_u, more_v]) = self.half_exactly(1, inverse);
+        (
+            met | also_met << L::Double::COUNT,
+            [
+                L::of_halves([t, more_t]),
+                L::of_halves([u, more_u]),
+                L::of_halves([v, more_v]),
+            ],
+        )
+    }
+
+    #[inline(always)]
+    fn half_exactly(&self, half: usize, inverse: [L::Double; 2]) -> (u32, [L::Double; 3]) {
+        let (x, y, z) = (
+            half_of(self.x, half),
+            half_of(self.y, half),
+            half_of(self.z, half),
+        );
+        let edges @ [u, v, w] = triangle::edges(x, y);
+        let negative = u.negative() | v.negative() | w.negative();
+        let positive = u.positive() | v.positive() | w.positive();
+        let determinant = triangle::determinant(edges);
+        let sure = determinant.negative() | determinant.positive();
+        (
+            sure & !(negative & positive),
+            triangle::place(edges, determinant, z, inverse[half]),
+        )
+    }
+
     /// Where the ray meets the planes of the triangles.
     #[inline(always)]
     fn depths(&self, along: L) -> Depths<L> {
@@ -223,6 +258,11 @@ impl<L: Lanes> Block<L> {
             across: x.max(y),
         }
     }
+}
+
+#[inline(always)]
+fn half_of<L: Lanes>([a, b, c]: [L; 3], half: usize) -> [L::Double; 3] {
+    [a.halves()[half], b.halves()[half], c.halves()[half]]
 }
 
 /// Where the ray meets the planes of the triangles of a leaf: at a t of `depth` over `size`, in
@@ -430,64 +470,69 @@ pub(super) fn visit<L: Eight, S: Search>(
     }
 }
 
-/// Asks the searches of a group about the triangles of a leaf that its rays may hit: those of a bit
-/// in `active`, which all go furthest along the same axis. A search that is over is asked no
-/// more.
+/// Tests the triangles of a leaf that rays of a packet may hit: those of a bit in `active`, for each
+/// part, which all go furthest along the same axis.
 #[inline(always)]
-pub(super) fn visit_group<P: Part, S: Search>(
+pub(super) fn visit_together<P: Part, S: Search>(
     wide: &Wide,
     (start, count): (usize, usize),
-    sights: &Sights<P>,
-    group: &mut Group<S>,
-    mut active: u32,
+    axes: [usize; 3],
+    (group, reach): (&mut [Members<P>], f32),
+    rays: &[Ray],
+    active: &mut [u32],
 ) {
     let rows = Rows::new(wide, start, count);
     for slot in 0..count {
-        let [x, y, z] = rows.along_of(sights.axes, slot);
+        let [x, y, z] = rows.along_of(axes, slot);
         let corners = [splats(x), splats(y), splats(z)];
-        for (part, sight) in sights.parts.as_ref().iter().enumerate() {
-            let first = P::COUNT * part;
-            let rays = active >> first & P::ALL;
-            if rays == 0 {
+        for (part, (members, active)) in group.iter_mut().zip(&mut *active).enumerate() {
+            if *active == 0 {
                 continue;
             }
-            let block = Block::new(sight, corners);
-            let mut candidates = block.met() & rays;
+            let block = Block::new(&members.sight, corners);
+            let mut candidates = block.met() & *active;
             if candidates == 0 {
                 continue;
             }
-            let depths = block.depths(sight.along);
-            let low = Limit::new(P::load_part(&group.t_min, part), sight.along, group.reach);
-            let high = Limit::new(P::load_part(&group.limits, part), sight.along, group.reach);
+            let along = members.sight.along;
+            let depths = block.depths(along);
+            let low = Limit::new(members.t_min, along, reach);
+            let high = Limit::new(members.limit, along, reach);
             if S::NEEDS_NO_HIT {
-                let near = P::load_part(&group.limits, part).min(P::splat(FURTHEST));
-                let near = Limit::new(near, sight.along, group.reach);
-                let mut found = candidates
+                let near = Limit::new(members.limit.min(P::splat(FURTHEST)), along, reach);
+                let found = candidates
                     & block.inside()
-                    & depths.surely_after(low, group.reach)
-                    & depths.surely_before(near, group.reach);
+                    & depths.surely_after(low, reach)
+                    & depths.surely_before(near, reach);
+                members.stop(found);
                 candidates &= !found;
-                active &= !(found << first);
-                while found != 0 {
-                    let ray = first + found.trailing_zeros() as usize;
-                    found &= found - 1;
-                    group.searches[ray].found_without_hit();
-                    group.stop(ray);
-                }
+                *active &= !found;
             }
             candidates &= !(depths.before(low) | depths.beyond(high));
-            let after = depths.surely_after(low, group.reach);
-            while candidates != 0 {
-                let lane = candidates.trailing_zeros() as usize;
-                candidates &= candidates - 1;
-                let triangle = InLeaf {
-                    slot,
-                    rows,
-                    is_surely_beyond: after >> lane & 1 == 1,
-                };
-                if group.test(first + lane, &triangle).is_break() {
-                    active &= !(1 << (first + lane));
+            if candidates == 0 {
+                continue;
+            }
+            let (met, [t, u, v]) = block.exactly(along);
+            let triangle = P::splat(f32::from_bits(rows.triangle(slot)));
+            let mut hit = candidates & met & members.t_min.lt(t);
+            hit &= match S::NEAREST_FIRST {
+                true => members.prefer(t, triangle),
+                false => t.le(members.limit),
+            };
+            let mut open = hit & !depths.surely_after(low, reach);
+            while open != 0 {
+                let lane = open.trailing_zeros();
+                open &= open - 1;
+                let ray = &rays[P::COUNT * part + lane as usize];
+                if !plane_is_beyond(ray, &rows.corners(slot)) {
+                    hit &= !(1 << lane);
                 }
+            }
+            if S::NEAREST_FIRST {
+                members.take(hit, [t, u, v], triangle);
+            } else {
+                members.stop(hit);
+                *active &= !hit;
             }
         }
     }

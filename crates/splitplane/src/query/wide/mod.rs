@@ -20,10 +20,10 @@ use std::ops::ControlFlow;
 
 use super::Counters;
 use super::batch::{Coherence, Question};
-use super::simd::{Eight, Instructions, Lanes, Task};
+use super::simd::{Eight, Instructions, Lanes, Part, Task};
 use super::traverse::Search;
 use crate::geometry::Ray;
-use crate::tree::wide::{Child, Link, WIDTH, Wide, WideNode};
+use crate::tree::wide::{Child, Link, MAX_FRAMES, WIDTH, Wide, WideNode};
 use line::{BoxTest, Course, FrameRay, Line};
 use ready::Ready;
 use stack::{Frames, Space, Stack};
@@ -119,20 +119,33 @@ impl<Q: Question> Task for Batch<'_, Q> {
             coherence,
         } = self;
         let mut space = Space::NEW;
-        let mut together = Space::NEW;
-        let answers = answers.chunks_mut(packet::RAYS);
-        for (rays, answers) in rays.chunks(packet::RAYS).zip(answers) {
+        let mut room = Space::NEW;
+        let mut parts = L::Part::parts(packet::Members::none());
+        let (mut at, mut apart) = (0, 0);
+        while at < rays.len() {
+            // Those that do not go together may still do so a quarter at a time.
+            let size = match at < apart {
+                true => packet::FEWER,
+                false => packet::RAYS,
+            };
+            let end = rays.len().min(at + size);
+            let (rays, answers) = (&rays[at..end], &mut answers[at..end]);
             if coherence != Coherence::Incoherent
-                && let Ok(rays) = rays.try_into()
-                && let Ok(answers) = (&mut *answers).try_into()
-                && packet::traverse::<L, Q>(wide, rays, answers, &mut together, coherence)
+                && rays.len() >= WIDTH
+                && packet::traverse::<L, Q>(wide, rays, answers, (&mut room, &mut parts), coherence)
             {
+                at = end;
+                continue;
+            }
+            if rays.len() > packet::FEWER {
+                apart = end;
                 continue;
             }
             let answers = answers.chunks_mut(WIDTH);
             for (rays, answers) in rays.chunks(WIDTH).zip(answers) {
                 each_alone::<L, Q>(wide, rays, answers, &mut space);
             }
+            at = end;
         }
     }
 }
@@ -143,8 +156,10 @@ fn each_alone<L: Eight, Q: Question>(
     wide: &Wide,
     rays: &[Ray],
     answers: &mut [Q::Answer],
-    space: &mut Space<Link, FrameRay>,
+    space: &mut Space<Link, FrameRay, MAX_FRAMES>,
 ) {
+    // The next ones: what comes in between is too much for the machine to foresee it.
+    L::prefetch(rays.as_ptr_range().end.cast());
     let ready = Ready::new::<L>(wide, rays);
     let at_root = ready.meet_root::<L>(wide);
     // Which ones meet anything is hard to foresee; so they are not asked one by one.
@@ -152,17 +167,17 @@ fn each_alone<L: Eight, Q: Question>(
     while missing != 0 {
         let i = missing.trailing_zeros() as usize;
         missing &= missing - 1;
-        answers[i] = Q::answer(&Q::search(&rays[i]));
+        answers[i] = Q::answer(None);
     }
     while meeting != 0 {
         let i = meeting.trailing_zeros() as usize;
         meeting &= meeting - 1;
-        let mut search = Q::search(&rays[i]);
+        let mut search = Q::search(&rays[i], None);
         let mut cursor = Cursor::<L, _>::new(wide, ready.get(i), &rays[i], &search, space);
         let (met, near) = at_root.of::<L>(i);
         cursor.go_on::<Q::Search<'_>>(wide, (0, root(wide)), met, near);
         while cursor.step(wide, &mut search, &mut ()) {}
-        answers[i] = Q::answer(&search);
+        answers[i] = Q::answer(Q::found(&search));
     }
 }
 
@@ -195,7 +210,7 @@ fn traverse_all_with<Q: Question>(
 struct Cursor<'s, L, C> {
     course: C,
     stack: Stack<'s, Link>,
-    frames: Frames<'s, FrameRay>,
+    frames: Frames<'s, FrameRay, MAX_FRAMES>,
     frame: u32,
     boxes: BoxTest<L>,
     t_min: L,
@@ -212,7 +227,7 @@ impl<'s, L: Eight, C: Course> Cursor<'s, L, C> {
         course: C,
         ray: &Ray,
         search: &impl Search,
-        space: &'s mut Space<Link, FrameRay>,
+        space: &'s mut Space<Link, FrameRay, MAX_FRAMES>,
     ) -> Self {
         let line = course.line();
         let (t_min, limit) = (line.t_min, line.t_above(search.limit_above()));
@@ -348,7 +363,7 @@ mod tests {
         #[test]
         fn all_instructions_give_the_same_hits(
             turns in prop::collection::vec((point(1.0), 0.0f32..3.0), 1..30),
-            rays in prop::collection::vec((point(12.0), point(9.0)), 50),
+            rays in prop::collection::vec((point(12.0), point(9.0)), 1..150),
             camera in (point(12.0), point(9.0)),
             spread in prop_oneof![Just(0.0f32), 0.0f32..1.0],
         ) {

@@ -16,27 +16,27 @@ use super::{along, splats};
 use crate::geometry::triangle::Shear;
 use crate::geometry::{Frame, Ray};
 use crate::query::batch::{Coherence, Question};
-use crate::query::simd::{Eight, Lanes, Part, SIXTEEN};
-use crate::query::traverse::{Search, Triangle};
-use crate::tree::wide::{Child, Link, WIDTH, Wide, WideNode};
+use crate::query::simd::{Eight, Lanes, PREFETCH, Part};
+use crate::query::{Hit, NONE};
+use crate::tree::wide::{Child, Link, Wide, WideNode};
 
-/// Rays of a packet.
-pub(super) const RAYS: usize = SIXTEEN;
+pub(super) use crate::query::simd::RAYS;
 
-/// A number for each ray.
-type Numbers = [f32; RAYS];
+/// Rays of a packet where more do not go together.
+pub(super) const FEWER: usize = 16;
 
-/// How far boxes are widened, as `BOX_ERROR` in `line` says for one ray, which comes to 36: a box is
-/// also held against a point of its own, by which it is off by √3, the offset from there by 3 · √3.
-const BOX_ERROR: f32 = 48.0;
+/// How far boxes are widened, as `BOX_ERROR` in `line` says for one ray, which comes to 36; a [`Bound`]
+/// adds the margin to a coordinate, which is rounded once more, by up to √3.
+const BOX_ERROR: f32 = 40.0;
 
 /// How far apart the directions of rays that go together may be, as tangents of the angles between
 /// them, and their origins, over the half extent of the scene.
 const MAX_ANGLE: f32 = 0.1;
 const MAX_DISTANCE: f32 = 0.05;
 
-/// A leaf's triangles are tested one by one, each with all rays that meet the leaf, where there are
-/// no more triangles than this times the rays; otherwise the rays one by one.
+/// A leaf's triangles are tested one by one, each with all rays that meet the leaf, where that takes
+/// no more tests of a triangle and a part of the rays than this times the rays; otherwise the rays
+/// one by one.
 const TOGETHER: u32 = 2;
 
 /// A child, and where its box is.
@@ -48,6 +48,8 @@ pub(super) struct Spot {
 }
 
 impl Place for Spot {
+    const RANKED: bool = true;
+
     #[inline(always)]
     fn new(index: usize, node: &WideNode, slot: usize) -> Self {
         Spot {
@@ -71,124 +73,138 @@ impl Spot {
     };
 }
 
-/// The searches of a packet's rays, and which t they want.
-pub(super) struct Group<S> {
-    pub(super) searches: [S; RAYS],
-    pub(super) t_min: Numbers,
-    /// Beyond this nothing is wanted any more; negative infinity where a search is over.
-    pub(super) limits: Numbers,
-    /// No point of the scene is further from any of the origins along an axis.
-    pub(super) reach: f32,
+/// The memory of a packet's traversal. It knows rays in few frames at a time: in all of them they
+/// take so much of it that asking for the memory takes long.
+pub(super) type Room<L> = Space<Spot, Beam<L>, 8>;
+
+/// What is known of the rays of a packet.
+pub(super) type Parts<L> = <<L as Eight>::Part as Part>::Parts<Members<<L as Eight>::Part>>;
+
+/// What is known of the rays of a part.
+#[derive(Clone, Copy)]
+pub(super) struct Members<P> {
+    /// Relative to the centre of the scene.
+    origin: [P; 3],
+    direction: [P; 3],
+    pub(super) sight: Sight<P>,
+    pub(super) t_min: P,
+    /// Beyond this nothing is wanted any more: the t of the best hit so far; negative infinity where
+    /// a search is over.
+    pub(super) limit: P,
+    /// u and v of the best hit so far.
+    weights: [P; 2],
+    /// The bits of its triangle, or those of [`NONE`].
+    triangle: P,
 }
 
-impl<S: Search> Group<S> {
+impl<P: Part> Members<P> {
+    /// Of no rays, yet.
     #[inline(always)]
-    pub(super) fn test(&mut self, ray: usize, triangle: &impl Triangle) -> ControlFlow<()> {
-        let search = &mut self.searches[ray];
-        if search.test(triangle).is_break() {
-            self.stop(ray);
-            return ControlFlow::Break(());
+    pub(super) fn none() -> Self {
+        let zero = P::splat(0.0);
+        Members {
+            origin: [zero; 3],
+            direction: [zero; 3],
+            sight: Sight {
+                to_origin: [zero; 3],
+                shear: [zero; 2],
+                along: zero,
+            },
+            t_min: zero,
+            limit: zero,
+            weights: [zero; 2],
+            triangle: zero,
         }
-        self.limits[ray] = search.limit_above();
-        ControlFlow::Continue(())
     }
 
-    /// Asks a search no more.
+    /// These rays have a hit, whatever it is, and want no other.
     #[inline(always)]
-    pub(super) fn stop(&mut self, ray: usize) {
-        self.limits[ray] = f32::NEG_INFINITY;
+    pub(super) fn stop(&mut self, rays: u32) {
+        self.limit = self.limit.select(rays, P::splat(f32::NEG_INFINITY));
+        self.triangle = self.triangle.select(rays, P::splat(0.0));
     }
 
-    /// The limit of the search that wants most.
+    /// A bit for each ray to which a hit is nearer than the best so far, or as near, in a triangle
+    /// that comes first.
     #[inline(always)]
-    fn limit<P: Part>(&self) -> f32 {
-        let mut most = P::load_part(&self.limits, 0);
-        for part in 1..P::PARTS {
-            most = most.max(P::load_part(&self.limits, part));
-        }
-        most.highest()
+    pub(super) fn prefer(&self, t: P, triangle: P) -> u32 {
+        t.lt(self.limit) | t.le(self.limit) & triangle.lt_bits(self.triangle)
     }
 
-    /// The t_min of the search that begins first.
+    /// These rays have a better hit.
     #[inline(always)]
-    fn first<P: Part>(&self) -> f32 {
-        let mut first = P::load_part(&self.t_min, 0);
-        for part in 1..P::PARTS {
-            first = first.min(P::load_part(&self.t_min, part));
-        }
-        lowest(first)
-    }
-}
-
-/// The rays' parts of the triangle test, where all go furthest along the same axis.
-pub(super) struct Sights<P: Part> {
-    /// As in `Shear`.
-    pub(super) axes: [usize; 3],
-    pub(super) parts: P::Parts<Sight<P>>,
-}
-
-impl<P: Part> Sights<P> {
-    /// `None` where the rays go furthest along different axes.
-    #[inline(always)]
-    fn new(origins: &[Numbers; 3], directions: &[Numbers; 3]) -> Option<Self> {
-        let first = Shear::of(&Ray::new([0.0; 3], directions.map(|along| along[0])));
-        let axes = first.axes;
-        let mut same = true;
-        let mut parts = P::parts(Sight::new(axes, origins, directions, 0));
-        for (part, sight) in parts.as_mut().iter_mut().enumerate() {
-            *sight = Sight::new(axes, origins, directions, part);
-            let [x, y, z] = load::<P>(directions, part);
-            let (x, y, z) = (x.abs(), y.abs(), z.abs());
-            let along_x = y.lt(x) & z.lt(x);
-            let along_y = !along_x & z.lt(y);
-            same &= match axes[2] {
-                0 => along_x == P::ALL,
-                1 => along_y & P::ALL == P::ALL,
-                _ => (along_x | along_y) & P::ALL == 0,
-            };
-        }
-        same.then_some(Sights { axes, parts })
+    pub(super) fn take(&mut self, rays: u32, [t, u, v]: [P; 3], triangle: P) {
+        self.limit = self.limit.select(rays, t);
+        self.weights[0] = self.weights[0].select(rays, u);
+        self.weights[1] = self.weights[1].select(rays, v);
+        self.triangle = self.triangle.select(rays, triangle);
     }
 
-    /// Whether all directions are within [`MAX_ANGLE`] of each other.
     #[inline(always)]
-    fn are_close(&self) -> bool {
-        let mut close = true;
-        for axis in 0..2 {
-            let (mut low, mut high) = (P::splat(f32::INFINITY), P::splat(f32::NEG_INFINITY));
-            for sight in self.parts.as_ref() {
-                low = low.min(sight.shear[axis]);
-                high = high.max(sight.shear[axis]);
+    fn hits(&self) -> Hits {
+        let mut hits = Hits::default();
+        self.limit.store_to(&mut hits.t);
+        self.weights[0].store_to(&mut hits.u);
+        self.weights[1].store_to(&mut hits.v);
+        self.triangle.store_to(&mut hits.triangle);
+        hits
+    }
+
+    /// The answers for as many of the rays as there are.
+    #[inline(always)]
+    fn answer<Q: Question>(&self, answers: &mut [Q::Answer]) {
+        let hits = self.hits();
+        let mut found = self.triangle.lt_bits(P::splat(f32::from_bits(NONE)));
+        if found == P::ALL {
+            for (lane, answer) in answers.iter_mut().enumerate() {
+                *answer = Q::answer(hits.get(lane));
             }
-            close &= high.highest() - lowest(low) <= MAX_ANGLE;
+            return;
         }
-        let mut signs = 0;
-        for (part, sight) in self.parts.as_ref().iter().enumerate() {
-            signs |= sight.along.lt(P::splat(0.0)) << (P::COUNT * part);
+        // Which ones have a hit is hard to foresee.
+        answers.fill(Q::answer(None));
+        while found != 0 {
+            let lane = found.trailing_zeros() as usize;
+            found &= found - 1;
+            answers[lane] = Q::answer(hits.get(lane));
         }
-        close && (signs == 0 || signs == u32::MAX >> (32 - RAYS))
+    }
+
+    #[inline(always)]
+    fn set_hits(&mut self, hits: &Hits) {
+        self.limit = P::load_from(&hits.t);
+        self.weights = [P::load_from(&hits.u), P::load_from(&hits.v)];
+        self.triangle = P::load_from(&hits.triangle);
     }
 }
 
-impl<P: Part> Sight<P> {
+/// The best hits so far of the rays of a part.
+#[derive(Default)]
+struct Hits {
+    t: [f32; 16],
+    u: [f32; 16],
+    v: [f32; 16],
+    triangle: [f32; 16],
+}
+
+impl Hits {
     #[inline(always)]
-    fn new(
-        [kx, ky, kz]: [usize; 3],
-        origins: &[Numbers; 3],
-        directions: &[Numbers; 3],
-        part: usize,
-    ) -> Self {
-        let (o, d) = (load::<P>(origins, part), load::<P>(directions, part));
-        let minus = P::splat(-1.0);
-        Sight {
-            to_origin: [
-                o[kx].times_sign(minus),
-                o[ky].times_sign(minus),
-                o[kz].times_sign(minus),
-            ],
-            shear: [d[kx].div(d[kz]), d[ky].div(d[kz])],
-            along: d[kz],
-        }
+    fn set(&mut self, lane: usize, hit: Hit) {
+        self.t[lane] = hit.t;
+        self.u[lane] = hit.u;
+        self.v[lane] = hit.v;
+        self.triangle[lane] = f32::from_bits(hit.triangle);
+    }
+
+    #[inline(always)]
+    fn get(&self, lane: usize) -> Option<Hit> {
+        let triangle = self.triangle[lane].to_bits();
+        (triangle != NONE).then_some(Hit {
+            t: self.t[lane],
+            u: self.u[lane],
+            v: self.v[lane],
+            triangle,
+        })
     }
 }
 
@@ -197,22 +213,43 @@ pub(super) type Beam<L> = [Slab<L>; 3];
 
 /// The rays of a packet along an axis of a frame.
 ///
-/// A ray is at a coordinate c at t = c · inverse + offset, as in [`FrameRay`](line::FrameRay), or
-/// from a point p at t = (c - p) · inverse + (p · inverse + offset). Where p is near all origins the
-/// last term is small, and its range over the rays, with that of the inverse, bounds the t of all of
-/// them closely.
+/// What the fastest of them reaches from where the foremost begins is reached by none of them
+/// earlier, and what the slowest leaves from where the hindmost begins is left by none later; no t is
+/// negative. So two products say of a box as much about all rays as about one.
 #[derive(Clone, Copy)]
 pub(super) struct Slab<L: Eight> {
     /// Of each ray.
     each: <L::Part as Part>::Parts<Each<L::Part>>,
-    /// Of all rays.
-    point: L,
-    lowest: L,
-    highest: L,
-    first_entry: L,
-    last_exit: L,
+    /// Of all rays: not below which t they enter boxes, and not above which they leave them.
+    entry: Bound<L>,
+    exit: Bound<L>,
+    /// Where some go one way along the axis and some the other, the entry of the latter.
+    other_entry: Option<Bound<L>>,
     /// Where boxes are entered, and where they are left.
     rows: [Row; 2],
+}
+
+/// A bound of the t at which rays reach a coordinate c: c · inverse + offset.
+#[derive(Clone, Copy)]
+struct Bound<L> {
+    inverse: L,
+    offset: L,
+}
+
+impl<L: Lanes> Bound<L> {
+    /// From this point on.
+    #[inline(always)]
+    fn new(inverse: f32, from: f32) -> Self {
+        Bound {
+            inverse: L::splat(inverse),
+            offset: L::splat(-from * inverse),
+        }
+    }
+
+    #[inline(always)]
+    fn at(&self, coordinates: L) -> L {
+        coordinates.mul_add(self.inverse, self.offset)
+    }
 }
 
 /// Of each ray of a part.
@@ -224,61 +261,67 @@ struct Each<P> {
 }
 
 impl<L: Eight> Slab<L> {
+    /// Of no rays, yet.
     #[inline(always)]
-    fn new(
-        frame: &Frame,
-        axis: usize,
-        origins: &[Numbers; 3],
-        directions: &[Numbers; 3],
-        margin: f32,
-    ) -> Self {
+    fn none() -> Self {
+        let zero = <L::Part as Lanes>::splat(0.0);
+        Slab {
+            each: L::Part::parts(Each {
+                inverse: zero,
+                entry: zero,
+                exit: zero,
+            }),
+            entry: Bound::new(0.0, 0.0),
+            exit: Bound::new(0.0, 0.0),
+            other_entry: None,
+            rows: ROWS[0][0],
+        }
+    }
+
+    #[inline(always)]
+    fn set(&mut self, frame: &Frame, axis: usize, members: &[Members<L::Part>], margin: f32) {
         let splat = <L::Part as Lanes>::splat;
         let row: [L::Part; 3] = splats(frame.rows[axis]);
-        let zero = splat(0.0);
-        let mut each = L::Part::parts(Each {
-            inverse: zero,
-            entry: zero,
-            exit: zero,
-        });
-        let (mut low, mut high) = (splat(f32::INFINITY), splat(f32::NEG_INFINITY));
-        let (mut first, mut last) = (low, high);
-        let [x, y, z] = frame.rows[axis];
-        let point = x * origins[0][0] + y * origins[1][0] + z * origins[2][0];
-        for (part, each) in each.as_mut().iter_mut().enumerate() {
-            let origin = along(row, load(origins, part));
-            let direction = along(row, load(directions, part));
-            let size = direction.abs().max(splat(line::SMALLEST));
-            let inverse = splat(1.0).div(size).times_sign(direction);
+        let infinite = splat(f32::INFINITY);
+        let (mut hindmost, mut foremost) = (infinite, splat(f32::NEG_INFINITY));
+        // By their inverse directions; those that go forward, and those that go backward.
+        let (mut fastest, mut slowest) = ([infinite; 2], splat(0.0));
+        let (mut forward, mut backward) = (0, 0);
+        for (members, each) in members.iter().zip(self.each.as_mut()) {
+            let origin = along(row, members.origin);
+            let direction = along(row, members.direction);
+            let inverse = splat(1.0).div(direction.abs().max(splat(line::SMALLEST)));
+            let back = direction.negative();
+            forward |= !back & L::Part::ALL;
+            backward |= back;
+            hindmost = hindmost.min(origin);
+            foremost = foremost.max(origin);
+            fastest[0] = fastest[0].min(inverse.select(back, infinite));
+            fastest[1] = fastest[1].min(infinite.select(back, inverse));
+            slowest = slowest.max(inverse);
+            let off = inverse.mul(splat(margin));
+            let inverse = inverse.times_sign(direction);
             let at = origin.mul(inverse).times_sign(splat(-1.0));
-            let off = inverse.abs().mul(splat(margin));
-            let (entry, exit) = (at.sub(off), at.add(off));
-            low = low.min(inverse);
-            high = high.max(inverse);
-            first = first.min(splat(point).mul_add(inverse, entry));
-            last = last.max(splat(point).mul_add(inverse, exit));
             *each = Each {
                 inverse,
-                entry,
-                exit,
+                entry: at.sub(off),
+                exit: at.add(off),
             };
         }
-        let (mut low, mut high) = (lowest(low), high.highest());
-        let (mut first, mut last) = (lowest(first), last.highest());
-        if low < 0.0 && high > 0.0 {
-            // Some go one way along the axis, some the other: any box may be met, but absent ones,
-            // whose sides are infinite.
-            (low, high) = (1e-3, 1e-3);
-            (first, last) = (f32::MIN, f32::MAX);
-        }
-        Slab {
-            each,
-            point: L::splat(point),
-            lowest: L::splat(low),
-            highest: L::splat(high),
-            first_entry: L::splat(first),
-            last_exit: L::splat(last),
-            rows: ROWS[if high < 0.0 { 7 } else { 0 }][axis],
-        }
+        let (low, high) = (lowest(hindmost) - margin, foremost.highest() + margin);
+        let slowest = slowest.highest();
+        let forward_entry = Bound::new(lowest(fastest[0]), high);
+        let backward_entry = Bound::new(-lowest(fastest[1]), low);
+        (self.entry, self.exit, self.other_entry) = match (forward != 0, backward != 0) {
+            (true, false) => (forward_entry, Bound::new(slowest, low), None),
+            (false, _) => (backward_entry, Bound::new(-slowest, high), None),
+            (true, true) => {
+                // Some may never leave a box, but absent ones, whose sides are infinite.
+                let never = Bound::new(1e-3, f32::MIN);
+                (forward_entry, never, Some(backward_entry))
+            }
+        };
+        self.rows = ROWS[if forward == 0 { 7 } else { 0 }][axis];
     }
 
     /// No more than where any ray enters the boxes of a node, and no less than where any leaves
@@ -286,78 +329,181 @@ impl<L: Eight> Slab<L> {
     #[inline(always)]
     fn of_all(&self, node: &WideNode) -> (L, L) {
         let [entry, exit] = self.rows;
-        let entry = L::load(entry.of(node)).sub(self.point);
-        let exit = L::load(exit.of(node)).sub(self.point);
-        let (first, last) = (self.first_entry, self.last_exit);
-        (
-            (entry.mul_add(self.lowest, first)).min(entry.mul_add(self.highest, first)),
-            (exit.mul_add(self.lowest, last)).max(exit.mul_add(self.highest, last)),
-        )
-    }
-}
-
-impl<P: Part> Each<P> {
-    /// Where each ray enters and leaves what lies between two coordinates.
-    #[inline(always)]
-    fn meet(&self, low: f32, high: f32) -> (P, P) {
-        let (low, high) = (P::splat(low), P::splat(high));
-        let (inverse, entry, exit) = (self.inverse, self.entry, self.exit);
-        (
-            (low.mul_add(inverse, entry)).min(high.mul_add(inverse, entry)),
-            (low.mul_add(inverse, exit)).max(high.mul_add(inverse, exit)),
-        )
-    }
-}
-
-/// A bit for each ray that meets the box of a child within its range of t.
-#[inline(always)]
-fn meet<L: Eight, S>(beam: &Beam<L>, node: &WideNode, slot: usize, group: &Group<S>) -> u32 {
-    let mut met = 0;
-    for part in 0..L::Part::PARTS {
-        let tiny = <L::Part as Lanes>::splat(f32::MIN_POSITIVE);
-        let mut near = L::Part::load_part(&group.t_min, part).sub(tiny);
-        let mut far = L::Part::load_part(&group.limits, part).add(tiny);
-        for (axis, slab) in beam.iter().enumerate() {
-            let (low, high) = (node.bounds[axis][slot], node.bounds[axis + 3][slot]);
-            let (first, last) = slab.each.as_ref()[part].meet(low, high);
-            near = near.max(first);
-            far = far.min(last);
+        let (entry, exit) = (L::load(entry.of(node)), L::load(exit.of(node)));
+        let (mut near, far) = (self.entry.at(entry), self.exit.at(exit));
+        if let Some(other) = &self.other_entry {
+            near = near.max(other.at(exit));
         }
-        met |= near.le(far) << (L::Part::COUNT * part);
+        (near, far)
     }
-    met
+
+    /// Where each ray of a part enters and leaves the box of a child.
+    #[inline(always)]
+    fn of_part(&self, part: usize, node: &WideNode, slot: usize) -> (L::Part, L::Part) {
+        let splat = <L::Part as Lanes>::splat;
+        let [first, last] = self.rows;
+        let (first, last) = (splat(first.of(node)[slot]), splat(last.of(node)[slot]));
+        let Each {
+            inverse,
+            entry,
+            exit,
+        } = self.each.as_ref()[part];
+        if self.other_entry.is_some() {
+            return (
+                (first.mul_add(inverse, entry)).min(last.mul_add(inverse, entry)),
+                (first.mul_add(inverse, exit)).max(last.mul_add(inverse, exit)),
+            );
+        }
+        (first.mul_add(inverse, entry), last.mul_add(inverse, exit))
+    }
+}
+
+/// A bit for each ray of a part that meets the box of a child within its range of t.
+#[inline(always)]
+fn meet<L: Eight>(
+    beam: &Beam<L>,
+    node: &WideNode,
+    slot: usize,
+    (part, members): (usize, &Members<L::Part>),
+) -> u32 {
+    let tiny = <L::Part as Lanes>::splat(f32::MIN_POSITIVE);
+    let mut near = members.t_min.sub(tiny);
+    let mut far = members.limit.add(tiny);
+    for slab in beam {
+        let (entry, exit) = slab.of_part(part, node, slot);
+        near = near.max(entry);
+        far = far.min(exit);
+    }
+    near.le(far)
 }
 
 /// A packet on its way through a tree.
-struct Packet<'a, L: Eight, S> {
+struct Packet<'a, P: Part> {
     wide: &'a Wide,
-    /// Relative to the centre of the scene.
-    origins: [Numbers; 3],
-    directions: [Numbers; 3],
+    rays: &'a [Ray],
+    /// As many as there are rays for.
+    parts: &'a mut [Members<P>],
+    /// The axes of the triangle test, where all rays go furthest along the last one.
+    axes: Option<[usize; 3]>,
     margin: f32,
-    sights: Option<Sights<L::Part>>,
-    group: Group<S>,
+    /// No point of the scene is further from any of the origins along an axis.
+    reach: f32,
 }
 
-impl<L: Eight, S: Search> Packet<'_, L, S> {
+impl<'a, P: Part> Packet<'a, P> {
+    /// And whether the rays are close to each other; `None` where one of them needs care.
     #[inline(always)]
-    fn beam(&self, frame: u32) -> Beam<L> {
-        let frame = &self.wide.frames[frame as usize];
-        let (origins, directions) = (&self.origins, &self.directions);
-        [
-            Slab::new(frame, 0, origins, directions, self.margin),
-            Slab::new(frame, 1, origins, directions, self.margin),
-            Slab::new(frame, 2, origins, directions, self.margin),
-        ]
+    fn gather(
+        wide: &'a Wide,
+        rays: &'a [Ray],
+        parts: &'a mut [Members<P>],
+    ) -> Option<(Self, bool)> {
+        let (first, last) = (rays.first()?, rays.last()?);
+        let [kx, ky, kz] = Shear::of(first).axes;
+        let mut same_axes = true;
+        let (mut forward, mut backward) = (0, 0);
+        // Of the origins, and of the shears.
+        let mut low = [P::splat(f32::INFINITY); 5];
+        let mut high = [P::splat(f32::NEG_INFINITY); 5];
+        for (members, rays) in parts.iter_mut().zip(rays.chunks(P::COUNT)) {
+            let mut filled;
+            let (rays, present) = match rays.len() == P::COUNT {
+                true => (rays, P::ALL),
+                false => {
+                    filled = [*last; 16];
+                    filled[..rays.len()].copy_from_slice(rays);
+                    (&filled[..P::COUNT], (1 << rays.len()) - 1)
+                }
+            };
+            let [ox, oy, oz, dx, dy, dz, t_min, t_max] = P::columns_of(bytemuck::cast_slice(rays));
+            let ordinary = line::are_ordinary([ox, oy, oz], [dx, dy, dz]);
+            // A number is equal to itself.
+            if ordinary & P::splat(0.0).le(t_min) & t_max.le(t_max) != P::ALL {
+                return None;
+            }
+            let [cx, cy, cz] = splats::<P>(wide.center);
+            let (origin, direction) = ([ox, oy, oz], [dx, dy, dz]);
+            let along = direction[kz];
+            let shear = [direction[kx].div(along), direction[ky].div(along)];
+            let minus = P::splat(-1.0);
+            *members = Members {
+                origin: [ox.sub(cx), oy.sub(cy), oz.sub(cz)],
+                direction,
+                sight: Sight {
+                    to_origin: [
+                        origin[kx].times_sign(minus),
+                        origin[ky].times_sign(minus),
+                        origin[kz].times_sign(minus),
+                    ],
+                    shear,
+                    along,
+                },
+                t_min,
+                limit: P::splat(f32::NEG_INFINITY).select(present, t_max),
+                weights: [P::splat(0.0); 2],
+                triangle: P::splat(f32::from_bits(NONE)),
+            };
+            same_axes &= all_go_along::<P>(kz, direction);
+            forward |= !along.negative() & P::ALL;
+            backward |= along.negative();
+            let ([x, y, z], [sx, sy]) = (members.origin, shear);
+            for (i, numbers) in [x, y, z, sx, sy].into_iter().enumerate() {
+                low[i] = low[i].min(numbers);
+                high[i] = high[i].max(numbers);
+            }
+        }
+        let mut close = same_axes && (forward == 0 || backward == 0);
+        let mut reach = 0.0;
+        for (low, high) in low.into_iter().zip(high).take(3) {
+            let (low, high) = (lowest(low), high.highest());
+            close &= high - low <= MAX_DISTANCE * wide.half_extent;
+            reach = f32::max(reach, f32::max(-low, high));
+        }
+        for (low, high) in low.into_iter().zip(high).skip(3) {
+            close &= high.highest() - lowest(low) <= MAX_ANGLE;
+        }
+        reach += wide.half_extent;
+        if !line::is_near(reach) {
+            return None;
+        }
+        let packet = Packet {
+            wide,
+            rays,
+            parts,
+            axes: same_axes.then_some([kx, ky, kz]),
+            margin: line::margin_of(BOX_ERROR, reach),
+            reach,
+        };
+        Some((packet, close))
+    }
+
+    /// The limit of the search that wants most.
+    #[inline(always)]
+    fn limit(&self) -> f32 {
+        let mut most = P::splat(f32::NEG_INFINITY);
+        for members in &*self.parts {
+            most = most.max(members.limit);
+        }
+        most.highest()
+    }
+
+    /// The t_min of the search that begins first.
+    #[inline(always)]
+    fn t_min(&self) -> f32 {
+        let mut first = P::splat(f32::INFINITY);
+        for members in &*self.parts {
+            first = first.min(members.t_min);
+        }
+        lowest(first)
     }
 
     /// Visits what the rays meet, until all searches have their answers.
     #[inline(always)]
-    fn run(&mut self, space: &mut Space<Spot, Beam<L>>) {
+    fn run<L: Eight<Part = P>, Q: Question>(&mut self, room: &mut Room<L>) {
         let wide = self.wide;
-        let (mut stack, mut frames) = space.emptied();
-        let mut limit = self.group.limit::<L::Part>() + f32::MIN_POSITIVE;
-        let t_min = L::splat(self.group.first::<L::Part>() - f32::MIN_POSITIVE);
+        let (mut stack, mut frames) = room.emptied();
+        let mut limit = self.limit() + f32::MIN_POSITIVE;
+        let t_min = L::splat(self.t_min() - f32::MIN_POSITIVE);
         let mut next = Spot::ROOT;
         loop {
             let child = next.link.child();
@@ -373,7 +519,15 @@ impl<L: Eight, S: Search> Packet<'_, L, S> {
             let node = unsafe { wide.nodes.get_unchecked(index) };
             let beam = match frames.get(node.frame) {
                 Some(beam) => beam,
-                None => frames.meet(node.frame, self.beam(node.frame)),
+                None => {
+                    // In its place: it is too large to be moved there.
+                    let beam = frames.meet(node.frame, [Slab::none(); 3]);
+                    for (axis, slab) in beam.iter_mut().enumerate() {
+                        let frame = &wide.frames[node.frame as usize];
+                        slab.set(frame, axis, self.parts, self.margin);
+                    }
+                    &*beam
+                }
             };
             match child {
                 Child::Node(_) => {
@@ -385,48 +539,69 @@ impl<L: Eight, S: Search> Packet<'_, L, S> {
                     let far = far_x.min(far_y).min(far_z.min(L::splat(limit)));
                     let met = near.le(far);
                     if met != 0 {
-                        next = stack.choose::<L, S>(wide, (index, node), met, near);
+                        next = stack.choose::<L, Q::Search<'_>>(wide, (index, node), met, near);
                         continue;
                     }
                 }
                 Child::Leaf { start, count } => {
-                    let active = meet(beam, node, next.slot as usize, &self.group);
-                    if active != 0 {
-                        self.visit((start, count), active);
-                        limit = self.group.limit::<L::Part>() + f32::MIN_POSITIVE;
+                    let mut active = P::parts(0);
+                    let mut all = 0;
+                    let parts = self.parts.iter().enumerate();
+                    for (members, active) in parts.zip(active.as_mut()) {
+                        *active = meet(beam, node, next.slot as usize, members);
+                        all |= *active;
+                    }
+                    if all != 0 {
+                        self.visit::<L, Q>((start, count), active);
+                        limit = self.limit() + f32::MIN_POSITIVE;
                         if limit == f32::NEG_INFINITY {
                             return;
                         }
                     }
                 }
             }
-            if !stack.pop::<S>(wide, limit, &mut next) {
+            if !stack.pop::<Q::Search<'_>>(wide, limit, &mut next) {
                 return;
             }
         }
     }
 
-    /// Asks the searches of these rays about the triangles of a leaf.
+    /// Tests the triangles of a leaf with these rays, a bit for each.
     #[inline(always)]
-    fn visit(&mut self, leaf: (usize, usize), active: u32) {
-        if let Some(sights) = &self.sights
-            && leaf.1 as u32 <= TOGETHER * active.count_ones()
-        {
-            return leaf::visit_group(self.wide, leaf, sights, &mut self.group, active);
+    fn visit<L: Eight, Q: Question>(&mut self, leaf: (usize, usize), mut active: P::Parts<u32>) {
+        let (wide, rays, reach) = (self.wide, self.rays, self.reach);
+        let active = &mut active.as_mut()[..self.parts.len()];
+        let (mut wanting, mut parts) = (0, 0);
+        for active in &*active {
+            wanting += active.count_ones();
+            parts += u32::from(*active != 0);
         }
-        let mut rest = active;
-        while rest != 0 {
-            let ray = rest.trailing_zeros() as usize;
-            rest &= rest - 1;
-            let from = (self.group.t_min[ray], self.group.reach);
-            let search = &mut self.group.searches[ray];
-            match leaf::visit::<L, S>(self.wide, leaf, from, search) {
-                ControlFlow::Break(()) => self.group.stop(ray),
-                ControlFlow::Continue(false) => {}
-                ControlFlow::Continue(true) => {
-                    self.group.limits[ray] = search.limit_above();
+        let group = &mut *self.parts;
+        if let Some(axes) = self.axes
+            && leaf.1 as u32 * parts <= TOGETHER * wanting
+        {
+            let group = (group, reach);
+            leaf::visit_together::<P, Q::Search<'_>>(wide, leaf, axes, group, rays, active);
+            return;
+        }
+        for (part, (members, active)) in group.iter_mut().zip(active).enumerate() {
+            if *active == 0 {
+                continue;
+            }
+            let mut hits = members.hits();
+            while *active != 0 {
+                let lane = active.trailing_zeros() as usize;
+                *active &= *active - 1;
+                let ray = &rays[P::COUNT * part + lane];
+                let mut search = Q::search(ray, hits.get(lane));
+                let tested = leaf::visit::<L, _>(wide, leaf, (ray.t_min, reach), &mut search);
+                if tested != ControlFlow::Continue(false)
+                    && let Some(hit) = Q::found(&search)
+                {
+                    hits.set(lane, hit);
                 }
             }
+            members.set_hits(&hits);
         }
     }
 }
@@ -440,102 +615,63 @@ fn are_alike(a: &Ray, b: &Ray) -> bool {
     dot > 0.0 && dot * dot > 0.97 * a.length_squared() * b.length_squared()
 }
 
-/// Takes rays through the tree together; false where they do not go together, or not well enough.
+/// Takes rays through the tree together, at most [`RAYS`]; false where they do not go together, or
+/// not well enough.
 #[inline(always)]
 pub(super) fn traverse<L: Eight, Q: Question>(
     wide: &Wide,
-    rays: &[Ray; RAYS],
-    answers: &mut [Q::Answer; RAYS],
-    space: &mut Space<Spot, Beam<L>>,
+    rays: &[Ray],
+    answers: &mut [Q::Answer],
+    (room, parts): (&mut Room<L>, &mut Parts<L>),
     coherence: Coherence,
 ) -> bool {
     let judge = coherence == Coherence::Unknown;
-    if judge && !(are_alike(&rays[0], &rays[RAYS - 1]) && are_alike(&rays[0], &rays[RAYS / 2])) {
+    let [first, .., last] = rays else {
+        return false;
+    };
+    // Those nearby first: it takes time to get at the others.
+    if judge
+        && !(are_alike(first, &rays[rays.len() / 4])
+            && are_alike(first, &rays[rays.len() / 2])
+            && are_alike(first, last))
+    {
         return false;
     }
-    let (mut origins, mut directions) = ([[0.0; RAYS]; 3], [[0.0; RAYS]; 3]);
-    let (mut t_min, mut limits) = ([0.0; RAYS], [0.0; RAYS]);
-    for (half, rays) in rays.as_chunks::<WIDTH>().0.iter().enumerate() {
-        let [ox, oy, oz, dx, dy, dz, low, high] = L::columns(bytemuck::cast_ref(rays));
-        let ordinary = line::are_ordinary([ox, oy, oz], [dx, dy, dz]);
-        // A number is equal to itself.
-        if ordinary & low.le(low) & high.le(high) != u32::MAX >> (32 - WIDTH) {
-            return false;
-        }
-        let [x, y, z] = &mut origins;
-        put(x, half, ox);
-        put(y, half, oy);
-        put(z, half, oz);
-        let [x, y, z] = &mut directions;
-        put(x, half, dx);
-        put(y, half, dy);
-        put(z, half, dz);
-        put(&mut t_min, half, low);
-        put(&mut limits, half, high);
-    }
-    let sights = Sights::<L::Part>::new(&origins, &directions);
-    // Not by a closure: see the head of `wide`.
-    let close = match &sights {
-        Some(sights) => sights.are_close(),
-        None => false,
+    let parts = &mut parts.as_mut()[..rays.len().div_ceil(L::Part::COUNT)];
+    let Some((mut packet, close)) = Packet::<L::Part>::gather(wide, rays, parts) else {
+        return false;
     };
     if judge && !close {
         return false;
     }
-    let mut reach = 0.0;
-    for (origins, &center) in origins.iter_mut().zip(&wide.center) {
-        let splat = <L::Part as Lanes>::splat;
-        let (mut low, mut high) = (splat(f32::INFINITY), splat(f32::NEG_INFINITY));
-        for part in 0..L::Part::PARTS {
-            let origin = L::Part::load_part(origins, part).sub(splat(center));
-            origin.store_part(origins, part);
-            low = low.min(origin);
-            high = high.max(origin);
-        }
-        let (low, high) = (lowest(low), high.highest());
-        if judge && high - low > MAX_DISTANCE * wide.half_extent {
-            return false;
-        }
-        reach = f32::max(reach, f32::max(-low, high));
-    }
-    reach += wide.half_extent;
-    if !line::is_near(reach) {
-        return false;
-    }
-    let mut packet = Packet {
-        wide,
-        origins,
-        directions,
-        margin: line::margin_of(BOX_ERROR, reach),
-        sights,
-        group: Group {
-            searches: std::array::from_fn(|i| Q::search(&rays[i])),
-            t_min,
-            limits,
-            reach,
-        },
-    };
-    packet.run(space);
-    for (answer, search) in answers.iter_mut().zip(&packet.group.searches) {
-        *answer = Q::answer(search);
+    ask_for::<L, _>(rays.as_ptr_range().end, rays.len());
+    ask_for::<L, _>(answers.as_ptr(), answers.len());
+    packet.run::<L, Q>(room);
+    for (answers, members) in answers.chunks_mut(L::Part::COUNT).zip(&*packet.parts) {
+        members.answer::<Q>(answers);
     }
     true
 }
 
+/// Asks for memory that is needed after the packet: the next rays, and where its answers go.
 #[inline(always)]
-fn load<P: Part>(from: &[Numbers; 3], part: usize) -> [P; 3] {
-    let [x, y, z] = from;
-    [
-        P::load_part(x, part),
-        P::load_part(y, part),
-        P::load_part(z, part),
-    ]
+fn ask_for<L: Eight, T>(first: *const T, count: usize) {
+    for at in (0..count * size_of::<T>()).step_by(PREFETCH) {
+        L::prefetch(first.cast::<u8>().wrapping_add(at));
+    }
 }
 
-/// Writes the numbers of the first or the second eight rays.
+/// Whether all rays go furthest along an axis, as [`Shear::of`] says for one.
 #[inline(always)]
-fn put<L: Eight>(to: &mut Numbers, half: usize, numbers: L) {
-    to.as_chunks_mut().0[half] = numbers.to_array();
+fn all_go_along<P: Part>(axis: usize, [x, y, z]: [P; 3]) -> bool {
+    let (x, y, z) = (x.abs(), y.abs(), z.abs());
+    let along_x = y.lt(x) & z.lt(x);
+    let along_y = !along_x & z.lt(y);
+    match axis {
+        0 => along_x == P::ALL,
+        1 => along_y & P::ALL == P::ALL,
+        _ => (along_x | along_y) & P::ALL == 0,
+    }
 }
 
 #[inline(always)]

@@ -8,11 +8,16 @@ use crate::tree::wide::{Link, MAX_DEPTH, MAX_FRAMES, WIDTH, Wide, WideNode};
 
 /// A child of a node, as a traversal keeps it until its visit.
 pub(super) trait Place: Copy {
+    /// Whether children are put in order without a branch that depends on it, which takes longer
+    /// where the order is easy to foresee, or little else depends on it.
+    const RANKED: bool;
     fn new(index: usize, node: &WideNode, slot: usize) -> Self;
     fn link(&self) -> Link;
 }
 
 impl Place for Link {
+    const RANKED: bool = false;
+
     #[inline(always)]
     fn new(_: usize, node: &WideNode, slot: usize) -> Self {
         node.children[slot]
@@ -51,20 +56,20 @@ const STACK: usize = (WIDTH - 1) * MAX_DEPTH + 1;
 
 /// The memory of a [`Stack`] and of [`Frames`]. It lies apart, since moving it would take longer than
 /// a ray does.
-pub(super) struct Space<P: Copy, F> {
+pub(super) struct Space<P: Copy, F, const FRAMES: usize> {
     stack: [MaybeUninit<Pending<P>>; STACK],
-    frames: [MaybeUninit<F>; MAX_FRAMES],
+    frames: [MaybeUninit<F>; FRAMES],
 }
 
-impl<P: Copy, F> Space<P, F> {
+impl<P: Copy, F, const FRAMES: usize> Space<P, F, FRAMES> {
     pub(super) const NEW: Self = Space {
         stack: [MaybeUninit::uninit(); STACK],
-        frames: [const { MaybeUninit::uninit() }; MAX_FRAMES],
+        frames: [const { MaybeUninit::uninit() }; FRAMES],
     };
 
     /// With nothing in it.
     #[inline(always)]
-    pub(super) fn emptied(&mut self) -> (Stack<'_, P>, Frames<'_, F>) {
+    pub(super) fn emptied(&mut self) -> (Stack<'_, P>, Frames<'_, F, FRAMES>) {
         (
             Stack {
                 slots: &mut self.stack,
@@ -78,28 +83,41 @@ impl<P: Copy, F> Space<P, F> {
     }
 }
 
-/// What is known in the frames that have been met.
-pub(super) struct Frames<'s, F> {
-    known: &'s mut [MaybeUninit<F>; MAX_FRAMES],
+/// What is known in the frames that have been met last.
+pub(super) struct Frames<'s, F, const FRAMES: usize> {
+    /// Each frame has a place, which it may share with others.
+    known: &'s mut [MaybeUninit<F>; FRAMES],
     /// A bit for each frame that is written.
     met: u64,
 }
 
-impl<F> Frames<'_, F> {
-    /// `None` if the frame has not been met.
+impl<F, const FRAMES: usize> Frames<'_, F, FRAMES> {
+    /// A bit for each frame that has the first place.
+    const FIRST: u64 = {
+        assert!(MAX_FRAMES <= 64 && MAX_FRAMES.is_multiple_of(FRAMES));
+        let (mut frames, mut frame) = (0, 0);
+        while frame < MAX_FRAMES {
+            frames |= 1 << frame;
+            frame += FRAMES;
+        }
+        frames
+    };
+
+    /// `None` if the frame has not been met, or another has taken its place.
     #[inline(always)]
     pub(super) fn get(&self, frame: u32) -> Option<&F> {
         if self.met >> frame & 1 == 0 {
             return None;
         }
         // SAFETY: the bit says that it has been written.
-        Some(unsafe { self.known[frame as usize].assume_init_ref() })
+        Some(unsafe { self.known[frame as usize % FRAMES].assume_init_ref() })
     }
 
     #[inline(always)]
-    pub(super) fn meet(&mut self, frame: u32, known: F) -> &F {
-        self.met |= 1 << frame;
-        self.known[frame as usize].write(known)
+    pub(super) fn meet(&mut self, frame: u32, known: F) -> &mut F {
+        let place = frame as usize % FRAMES;
+        self.met = self.met & !(Self::FIRST << place) | 1 << frame;
+        self.known[place].write(known)
     }
 }
 
@@ -125,7 +143,9 @@ impl<P: Place> Stack<'_, P> {
         if others == 0 {
             return P::new(index, node, first);
         }
-        if S::NEAREST_FIRST {
+        if S::NEAREST_FIRST && P::RANKED {
+            self.rank::<L>(wide, (index, node), met, near)
+        } else if S::NEAREST_FIRST {
             let near = near.to_array();
             let best = Entry::new(&near, (index, node), first);
             let other = Entry::new(&near, (index, node), others.trailing_zeros() as usize);
@@ -159,6 +179,26 @@ impl<P: Place> Stack<'_, P> {
             self.depth += 1;
             P::new(index, node, first)
         }
+    }
+
+    /// Puts each child where it belongs, by how many are nearer, and takes the nearest one off.
+    #[inline(always)]
+    fn rank<L: Eight>(&mut self, wide: &Wide, node: (usize, &WideNode), met: u32, nears: L) -> P {
+        let near = nears.to_array();
+        let top = self.depth + met.count_ones() as usize - 1;
+        let mut rest = met;
+        while rest != 0 {
+            let entry: Entry<P> = Entry::new(&near, node, rest.trailing_zeros() as usize);
+            let this = L::splat(entry.near);
+            let earlier = (rest & rest.wrapping_neg()) - 1;
+            rest &= rest - 1;
+            let nearer = met & (nears.lt(this) | nears.le(this) & earlier);
+            L::prefetch(wide.address(entry.place.link()));
+            self.set(top - nearer.count_ones() as usize, Pending { entry });
+        }
+        self.depth = top;
+        // SAFETY: just above the depth there is what has just been written.
+        unsafe { self.slots.get_unchecked(top).assume_init().entry.place }
     }
 
     /// Takes the next child that is entered within the limit off the stack; false if there is none.
