@@ -25,8 +25,8 @@ pub(super) use crate::query::simd::RAYS;
 /// Rays of a packet where more do not go together.
 pub(super) const FEWER: usize = 16;
 
-/// How far boxes are widened, as `BOX_ERROR` in `line` says for one ray, which comes to 36; a [`Bound`]
-/// adds the margin to a coordinate, which is rounded once more, by up to √3.
+/// How far boxes are widened, as `BOX_ERROR` in `line` says for one ray, which comes to 36; here the
+/// margin is added to a coordinate, which is rounded once more, by up to √3.
 const BOX_ERROR: f32 = 40.0;
 
 /// How far apart the directions of rays that go together may be, as tangents of the angles between
@@ -227,6 +227,8 @@ pub(super) struct Slab<L: Eight> {
     other_entry: Option<Bound<L>>,
     /// Where boxes are entered, and where they are left.
     rows: [Row; 2],
+    /// From there to where they may be, for all that rounding does.
+    outward: [f32; 2],
 }
 
 /// A bound of the t at which rays reach a coordinate c: c · inverse + offset.
@@ -252,12 +254,11 @@ impl<L: Lanes> Bound<L> {
     }
 }
 
-/// Of each ray of a part.
+/// Each ray of a part: it is at a coordinate c at t = c · inverse + offset.
 #[derive(Clone, Copy)]
 struct Each<P> {
     inverse: P,
-    entry: P,
-    exit: P,
+    offset: P,
 }
 
 impl<L: Eight> Slab<L> {
@@ -268,13 +269,13 @@ impl<L: Eight> Slab<L> {
         Slab {
             each: L::Part::parts(Each {
                 inverse: zero,
-                entry: zero,
-                exit: zero,
+                offset: zero,
             }),
             entry: Bound::new(0.0, 0.0),
             exit: Bound::new(0.0, 0.0),
             other_entry: None,
             rows: ROWS[0][0],
+            outward: [0.0; 2],
         }
     }
 
@@ -299,13 +300,10 @@ impl<L: Eight> Slab<L> {
             fastest[0] = fastest[0].min(inverse.select(back, infinite));
             fastest[1] = fastest[1].min(infinite.select(back, inverse));
             slowest = slowest.max(inverse);
-            let off = inverse.mul(splat(margin));
             let inverse = inverse.times_sign(direction);
-            let at = origin.mul(inverse).times_sign(splat(-1.0));
             *each = Each {
                 inverse,
-                entry: at.sub(off),
-                exit: at.add(off),
+                offset: origin.times_sign(splat(-1.0)).mul(inverse),
             };
         }
         let (low, high) = (lowest(hindmost) - margin, foremost.highest() + margin);
@@ -321,7 +319,10 @@ impl<L: Eight> Slab<L> {
                 (forward_entry, never, Some(backward_entry))
             }
         };
-        self.rows = ROWS[if forward == 0 { 7 } else { 0 }][axis];
+        (self.rows, self.outward) = match forward {
+            0 => (ROWS[7][axis], [margin, -margin]),
+            _ => (ROWS[0][axis], [-margin, margin]),
+        };
     }
 
     /// No more than where any ray enters the boxes of a node, and no less than where any leaves
@@ -342,19 +343,17 @@ impl<L: Eight> Slab<L> {
     fn of_part(&self, part: usize, node: &WideNode, slot: usize) -> (L::Part, L::Part) {
         let splat = <L::Part as Lanes>::splat;
         let [first, last] = self.rows;
-        let (first, last) = (splat(first.of(node)[slot]), splat(last.of(node)[slot]));
-        let Each {
-            inverse,
-            entry,
-            exit,
-        } = self.each.as_ref()[part];
-        if self.other_entry.is_some() {
-            return (
-                (first.mul_add(inverse, entry)).min(last.mul_add(inverse, entry)),
-                (first.mul_add(inverse, exit)).max(last.mul_add(inverse, exit)),
-            );
+        let first = splat(first.of(node)[slot] + self.outward[0]);
+        let last = splat(last.of(node)[slot] + self.outward[1]);
+        let Each { inverse, offset } = self.each.as_ref()[part];
+        let (near, far) = (
+            first.mul_add(inverse, offset),
+            last.mul_add(inverse, offset),
+        );
+        match self.other_entry {
+            None => (near, far),
+            Some(_) => (near.min(far), near.max(far)),
         }
-        (first.mul_add(inverse, entry), last.mul_add(inverse, exit))
     }
 }
 
@@ -365,10 +364,11 @@ fn meet<L: Eight>(
     node: &WideNode,
     slot: usize,
     (part, members): (usize, &Members<L::Part>),
+    t_min: f32,
 ) -> u32 {
-    let tiny = <L::Part as Lanes>::splat(f32::MIN_POSITIVE);
-    let mut near = members.t_min.sub(tiny);
-    let mut far = members.limit.add(tiny);
+    let splat = <L::Part as Lanes>::splat;
+    let mut near = splat(t_min);
+    let mut far = members.limit.add(splat(f32::MIN_POSITIVE));
     for slab in beam {
         let (entry, exit) = slab.of_part(part, node, slot);
         near = near.max(entry);
@@ -503,7 +503,7 @@ impl<'a, P: Part> Packet<'a, P> {
         let wide = self.wide;
         let (mut stack, mut frames) = room.emptied();
         let mut limit = self.limit() + f32::MIN_POSITIVE;
-        let t_min = L::splat(self.t_min() - f32::MIN_POSITIVE);
+        let t_min = self.t_min() - f32::MIN_POSITIVE;
         let mut next = Spot::ROOT;
         loop {
             let child = next.link.child();
@@ -535,7 +535,7 @@ impl<'a, P: Part> Packet<'a, P> {
                     let (near_x, far_x) = x.of_all(node);
                     let (near_y, far_y) = y.of_all(node);
                     let (near_z, far_z) = z.of_all(node);
-                    let near = near_x.max(near_y).max(near_z.max(t_min));
+                    let near = near_x.max(near_y).max(near_z.max(L::splat(t_min)));
                     let far = far_x.min(far_y).min(far_z.min(L::splat(limit)));
                     let met = near.le(far);
                     if met != 0 {
@@ -548,7 +548,7 @@ impl<'a, P: Part> Packet<'a, P> {
                     let mut all = 0;
                     let parts = self.parts.iter().enumerate();
                     for (members, active) in parts.zip(active.as_mut()) {
-                        *active = meet(beam, node, next.slot as usize, members);
+                        *active = meet(beam, node, next.slot as usize, members, t_min);
                         all |= *active;
                     }
                     if all != 0 {
