@@ -30,7 +30,7 @@ const fn case(name: &'static str, per: &'static str, run: fn(&Scene)) -> Case {
     Case { name, per, run }
 }
 
-const CASES: [Case; 11] = [
+const CASES: [Case; 12] = [
     case("build kd", "triangle", |scene| build(scene, "kd")),
     case("build wn+kd:6", "triangle", |scene| build(scene, "wn+kd:6")),
     case("build bvh", "triangle", |scene| build(scene, "bvh")),
@@ -60,7 +60,10 @@ const CASES: [Case; 11] = [
         closest_in_batches(scene, &scene.bounces())
     }),
     case("closest, camera in batches", "ray", |scene| {
-        closest_in_batches(scene, &scene.camera())
+        closest_in_batches(scene, &scene.camera(25))
+    }),
+    case("closest, coarse camera in batches", "ray", |scene| {
+        closest_in_batches(scene, &scene.camera(4))
     }),
 ];
 
@@ -240,17 +243,16 @@ impl Scene {
         bounces
     }
 
-    /// In tiles of 4 x 4 pixels.
-    fn camera(&self) -> Vec<Ray> {
-        const TILES: usize = 25;
+    /// In tiles of 4 x 4 pixels, pictures until there are enough of them.
+    fn camera(&self, tiles: usize) -> Vec<Ray> {
         let pixel = |i: usize| {
             let (tile, place) = (i / 16, i % 16);
-            let x = 4 * (tile % TILES) + place % 4;
-            let y = 4 * (tile / TILES) + place / 4;
-            let across = |at: usize| (at as f32 + 0.5) / (2.0 * TILES as f32) - 1.0;
+            let x = 4 * (tile % tiles) + place % 4;
+            let y = 4 * (tile / tiles) + place / 4;
+            let across = |at: usize| (at as f32 + 0.5) / (2.0 * tiles as f32) - 1.0;
             Ray::new([0.0, -0.95, 0.1], [0.8 * across(x), 1.0, 0.8 * across(y)])
         };
-        (0..16 * TILES * TILES).map(pixel).collect()
+        (0..RAYS).map(|i| pixel(i % (16 * tiles * tiles))).collect()
     }
 }
 

@@ -15,7 +15,7 @@ const CHUNK: usize = 1024;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Coherence {
     /// The library looks at the rays: those that follow each other go through the tree together
-    /// where they are close to each other.
+    /// where they are close to each other, as long as that is worth it.
     #[default]
     Unknown,
     /// They go together, however far apart they are: rays that have nothing in common may visit all

@@ -25,6 +25,7 @@ use super::traverse::Search;
 use crate::geometry::Ray;
 use crate::tree::wide::{Child, Link, MAX_FRAMES, WIDTH, Wide, WideNode};
 use line::{BoxTest, Course, FrameRay, Line};
+use packet::Outcome;
 use ready::Ready;
 use stack::{Frames, Space, Stack};
 
@@ -121,25 +122,35 @@ impl<Q: Question> Task for Batch<'_, Q> {
         let mut space = Space::NEW;
         let mut room = Space::NEW;
         let mut parts = L::Part::parts(packet::Members::none());
-        let (mut at, mut apart) = (0, 0);
+        // Up to where rays go no more than a quarter of them together, and up to where each goes alone.
+        let (mut apart, mut alone) = (0, 0);
+        let mut at = 0;
         while at < rays.len() {
-            // Those that do not go together may still do so a quarter at a time.
             let size = match at < apart {
-                true => packet::FEWER,
+                true => packet::BLOCK,
                 false => packet::RAYS,
             };
             let end = rays.len().min(at + size);
             let (rays, answers) = (&rays[at..end], &mut answers[at..end]);
-            if coherence != Coherence::Incoherent
-                && rays.len() >= WIDTH
-                && packet::traverse::<L, Q>(wide, rays, answers, (&mut room, &mut parts), coherence)
-            {
-                at = end;
-                continue;
-            }
-            if rays.len() > packet::FEWER {
-                apart = end;
-                continue;
+            if coherence != Coherence::Incoherent && rays.len() >= WIDTH && at >= alone {
+                let memory = (&mut room, &mut parts);
+                match packet::traverse::<L, Q>(wide, rays, answers, memory, coherence) {
+                    Outcome::Answered => {
+                        at = end;
+                        continue;
+                    }
+                    Outcome::Apart if rays.len() > packet::BLOCK => {
+                        apart = end;
+                        continue;
+                    }
+                    Outcome::Apart => {}
+                    // Those that follow are probably no better.
+                    Outcome::TooFar if rays.len() > packet::BLOCK => {
+                        apart = at + packet::AVOIDED * packet::RAYS;
+                        continue;
+                    }
+                    Outcome::TooFar => alone = at + packet::AVOIDED * packet::BLOCK,
+                }
             }
             let answers = answers.chunks_mut(WIDTH);
             for (rays, answers) in rays.chunks(WIDTH).zip(answers) {

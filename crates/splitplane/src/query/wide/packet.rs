@@ -23,7 +23,7 @@ use crate::tree::wide::{Child, Link, Wide, WideNode};
 pub(super) use crate::query::simd::RAYS;
 
 /// Rays of a packet where more do not go together.
-pub(super) const FEWER: usize = 16;
+pub(super) const BLOCK: usize = 16;
 
 /// How far boxes are widened, as `BOX_ERROR` in `line` says for one ray, which comes to 36; here the
 /// margin is added to a coordinate, which is rounded once more, by up to √3.
@@ -31,13 +31,24 @@ const BOX_ERROR: f32 = 40.0;
 
 /// How far apart the directions of rays that go together may be, as tangents of the angles between
 /// them, and their origins, over the half extent of the scene.
-const MAX_ANGLE: f32 = 0.1;
+const MAX_ANGLE: f32 = 0.2;
 const MAX_DISTANCE: f32 = 0.05;
 
 /// A leaf's triangles are tested one by one, each with all rays that meet the leaf, where that takes
 /// no more tests of a triangle and a part of the rays than this times the rays; otherwise the rays
 /// one by one.
 const TOGETHER: u32 = 2;
+
+/// How many nodes and leaves a packet visits before it gives up: so many for each ray, and so many
+/// more for each that meets a leaf.
+///
+/// Alone, a ray visits some six nodes for each leaf that it meets (killeroo, truck, coffee, sponza,
+/// arcade, kitchen: 4 to 7). A visit together takes longer than one alone.
+const PATIENCE: u32 = 1;
+const PATIENCE_PER_LEAF: u32 = 5;
+
+/// For how many packets after one that gave up none is tried again.
+pub(super) const AVOIDED: usize = 16;
 
 /// A child, and where its box is.
 #[derive(Clone, Copy)]
@@ -497,15 +508,24 @@ impl<'a, P: Part> Packet<'a, P> {
         lowest(first)
     }
 
-    /// Visits what the rays meet, until all searches have their answers.
+    /// Visits what the rays meet, until all searches have their answers; false where it gives up,
+    /// which it may do if it is to judge.
     #[inline(always)]
-    fn run<L: Eight<Part = P>, Q: Question>(&mut self, room: &mut Room<L>) {
+    fn run<L: Eight<Part = P>, Q: Question>(&mut self, room: &mut Room<L>, judge: bool) -> bool {
         let wide = self.wide;
         let (mut stack, mut frames) = room.emptied();
         let mut limit = self.limit() + f32::MIN_POSITIVE;
         let t_min = self.t_min() - f32::MIN_POSITIVE;
         let mut next = Spot::ROOT;
+        let mut left = match judge {
+            true => PATIENCE * self.rays.len() as u32,
+            false => u32::MAX,
+        };
         loop {
+            if left == 0 {
+                return false;
+            }
+            left -= 1;
             let child = next.link.child();
             // The node whose boxes are looked at: all of them, or that of a leaf.
             let index = match child {
@@ -552,23 +572,28 @@ impl<'a, P: Part> Packet<'a, P> {
                         all |= *active;
                     }
                     if all != 0 {
-                        self.visit::<L, Q>((start, count), active);
+                        let met = self.visit::<L, Q>((start, count), active);
+                        left = left.saturating_add(PATIENCE_PER_LEAF * met);
                         limit = self.limit() + f32::MIN_POSITIVE;
                         if limit == f32::NEG_INFINITY {
-                            return;
+                            return true;
                         }
                     }
                 }
             }
             if !stack.pop::<Q::Search<'_>>(wide, limit, &mut next) {
-                return;
+                return true;
             }
         }
     }
 
-    /// Tests the triangles of a leaf with these rays, a bit for each.
+    /// Tests the triangles of a leaf with these rays, a bit for each; how many there are.
     #[inline(always)]
-    fn visit<L: Eight, Q: Question>(&mut self, leaf: (usize, usize), mut active: P::Parts<u32>) {
+    fn visit<L: Eight, Q: Question>(
+        &mut self,
+        leaf: (usize, usize),
+        mut active: P::Parts<u32>,
+    ) -> u32 {
         let (wide, rays, reach) = (self.wide, self.rays, self.reach);
         let active = &mut active.as_mut()[..self.parts.len()];
         let (mut wanting, mut parts) = (0, 0);
@@ -582,7 +607,7 @@ impl<'a, P: Part> Packet<'a, P> {
         {
             let group = (group, reach);
             leaf::visit_together::<P, Q::Search<'_>>(wide, leaf, axes, group, rays, active);
-            return;
+            return wanting;
         }
         for (part, (members, active)) in group.iter_mut().zip(active).enumerate() {
             if *active == 0 {
@@ -603,6 +628,7 @@ impl<'a, P: Part> Packet<'a, P> {
             }
             members.set_hits(&hits);
         }
+        wanting
     }
 }
 
@@ -615,8 +641,17 @@ fn are_alike(a: &Ray, b: &Ray) -> bool {
     dot > 0.0 && dot * dot > 0.97 * a.length_squared() * b.length_squared()
 }
 
-/// Takes rays through the tree together, at most [`RAYS`]; false where they do not go together, or
-/// not well enough.
+/// What has become of rays that were to go together.
+pub(super) enum Outcome {
+    /// They have their answers.
+    Answered,
+    /// They do not go much the same way, or one of them needs care.
+    Apart,
+    /// They have more to visit together than is worth it.
+    TooFar,
+}
+
+/// Takes rays through the tree together, at most [`RAYS`].
 #[inline(always)]
 pub(super) fn traverse<L: Eight, Q: Question>(
     wide: &Wide,
@@ -624,10 +659,10 @@ pub(super) fn traverse<L: Eight, Q: Question>(
     answers: &mut [Q::Answer],
     (room, parts): (&mut Room<L>, &mut Parts<L>),
     coherence: Coherence,
-) -> bool {
+) -> Outcome {
     let judge = coherence == Coherence::Unknown;
     let [first, .., last] = rays else {
-        return false;
+        return Outcome::Apart;
     };
     // Those nearby first: it takes time to get at the others.
     if judge
@@ -635,22 +670,24 @@ pub(super) fn traverse<L: Eight, Q: Question>(
             && are_alike(first, &rays[rays.len() / 2])
             && are_alike(first, last))
     {
-        return false;
+        return Outcome::Apart;
     }
     let parts = &mut parts.as_mut()[..rays.len().div_ceil(L::Part::COUNT)];
     let Some((mut packet, close)) = Packet::<L::Part>::gather(wide, rays, parts) else {
-        return false;
+        return Outcome::Apart;
     };
     if judge && !close {
-        return false;
+        return Outcome::Apart;
     }
     ask_for::<L, _>(rays.as_ptr_range().end, rays.len());
     ask_for::<L, _>(answers.as_ptr(), answers.len());
-    packet.run::<L, Q>(room);
+    if !packet.run::<L, Q>(room, judge) {
+        return Outcome::TooFar;
+    }
     for (answers, members) in answers.chunks_mut(L::Part::COUNT).zip(&*packet.parts) {
         members.answer::<Q>(answers);
     }
-    true
+    Outcome::Answered
 }
 
 /// Asks for memory that is needed after the packet: the next rays, and where its answers go.
