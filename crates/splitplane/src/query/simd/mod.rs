@@ -79,6 +79,9 @@ pub(super) const PREFETCH: usize = 320;
 /// The rays of a packet, at most: how many a [`Part`] is a part of.
 pub(super) const RAYS: usize = 64;
 
+/// No [`Part`] has more.
+pub(super) const LARGEST_PART: usize = 16;
+
 /// As many f32 as the machine takes at once.
 pub(super) trait Part: Lanes {
     /// Something for each part of a packet.

@@ -400,45 +400,18 @@ impl Part for Avx512 {
 /// f64 in a register. Made only of the f32 above, where there are the instructions for them; this is
 /// what makes each `unsafe` in it sound.
 macro_rules! doubles {
-    ($name:ident, $register:ty, $add:ident, $sub:ident, $mul:ident, $div:ident, $lt:expr) => {
+    ($name:ident, $register:ty, $lt:ident, $($operator:ident $method:ident $function:ident),*) => {
         #[derive(Clone, Copy)]
         pub(super) struct $name($register);
 
-        impl Add for $name {
+        $(impl $operator for $name {
             type Output = Self;
             #[inline(always)]
-            fn add(self, other: Self) -> Self {
+            fn $method(self, other: Self) -> Self {
                 // SAFETY: see `doubles`.
-                $name(unsafe { $add(self.0, other.0) })
+                $name(unsafe { $function(self.0, other.0) })
             }
-        }
-
-        impl Sub for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn sub(self, other: Self) -> Self {
-                // SAFETY: see `doubles`.
-                $name(unsafe { $sub(self.0, other.0) })
-            }
-        }
-
-        impl Mul for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn mul(self, other: Self) -> Self {
-                // SAFETY: see `doubles`.
-                $name(unsafe { $mul(self.0, other.0) })
-            }
-        }
-
-        impl Div for $name {
-            type Output = Self;
-            #[inline(always)]
-            fn div(self, other: Self) -> Self {
-                // SAFETY: see `doubles`.
-                $name(unsafe { $div(self.0, other.0) })
-            }
-        }
+        })*
 
         impl Double for $name {
             const COUNT: u32 = (size_of::<$register>() / size_of::<f64>()) as u32;
@@ -458,22 +431,12 @@ macro_rules! doubles {
 }
 
 doubles!(
-    Four,
-    __m256d,
-    _mm256_add_pd,
-    _mm256_sub_pd,
-    _mm256_mul_pd,
-    _mm256_div_pd,
-    lt_of_four
+    Four, __m256d, lt_of_four,
+    Add add _mm256_add_pd, Sub sub _mm256_sub_pd, Mul mul _mm256_mul_pd, Div div _mm256_div_pd
 );
 doubles!(
-    EightWide,
-    __m512d,
-    _mm512_add_pd,
-    _mm512_sub_pd,
-    _mm512_mul_pd,
-    _mm512_div_pd,
-    lt_of_eight
+    EightWide, __m512d, lt_of_eight,
+    Add add _mm512_add_pd, Sub sub _mm512_sub_pd, Mul mul _mm512_mul_pd, Div div _mm512_div_pd
 );
 
 /// # Safety

@@ -10,6 +10,7 @@
 //! instructions, into which they cannot be inlined.
 #![allow(unsafe_code)]
 
+mod beam;
 mod leaf;
 mod line;
 mod packet;

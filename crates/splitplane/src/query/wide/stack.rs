@@ -196,9 +196,10 @@ impl<P: Place> Stack<'_, P> {
             L::prefetch(wide.address(entry.place.link()));
             self.set(top - nearer.count_ones() as usize, Pending { entry });
         }
+        self.depth = top + 1;
+        let nearest = self.entry(top).place;
         self.depth = top;
-        // SAFETY: just above the depth there is what has just been written.
-        unsafe { self.slots.get_unchecked(top).assume_init().entry.place }
+        nearest
     }
 
     /// Takes the next child that is entered within the limit off the stack; false if there is none.
