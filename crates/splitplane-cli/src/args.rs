@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::builder::{BoolishValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::{
+    BoolishValueParser, PathBufValueParser, PossibleValue, PossibleValuesParser, TypedValueParser,
+};
 use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
 use splitplane::{Axis, Layout, ObliquePricing, ParseTreeError, Ties, Traversal, TreeChoice};
 use splitplane_lab::{Preset, Resolution, Settings, crop_named, ties_named, traversal_named};
@@ -640,8 +642,16 @@ impl InstanceArgs {
 pub struct SearchArgs {
     /// Look for scenes in this folder first; may be repeated. After it come those of
     /// SPLITPLANE_SCENES
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", value_parser = PathBufValueParser::new().try_map(folder))]
     pub scenes: Vec<PathBuf>,
+}
+
+/// A folder that is there: one that is not would be passed over, and a scene not found.
+fn folder(path: PathBuf) -> Result<PathBuf, &'static str> {
+    match path.is_dir() {
+        true => Ok(path),
+        false => Err("there is no such folder"),
+    }
 }
 
 /// How trees are built.

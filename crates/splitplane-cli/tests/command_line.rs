@@ -288,6 +288,9 @@ fn scenes_are_listed_with_triangles_and_place_and_found_by_name_in_any_case() {
     let build = ["build", "HILLS", "--tree", "kd", "--scenes", "of mine"];
     let (code, _, err) = outcome(splitplane(&folder).args(build));
     assert_eq!(code, 0, "{err}");
+    let elsewhere = ["scenes", "--scenes", "of nobody"];
+    let (code, _, err) = outcome(splitplane(&folder).args(elsewhere));
+    assert!(code == 2 && err.contains("no such folder"), "{err}");
     let (code, _, err) = outcome(splitplane(&folder).args(["build", "valley", "--tree", "kd"]));
     assert_eq!(code, 2);
     for name in ["valley", "truck", "arcade", "grove"] {

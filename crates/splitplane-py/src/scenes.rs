@@ -37,6 +37,11 @@ impl Watch for Stop<'_> {}
 /// Reads a scene: a file, or one by its name.
 #[pyfunction]
 pub(crate) fn load_scene(py: Python<'_>, name: &str, search: Vec<PathBuf>) -> PyResult<Scene> {
+    // One that is not there would be passed over, and a scene not found.
+    if let Some(missing) = search.iter().find(|folder| !folder.is_dir()) {
+        let message = format!("search: there is no folder {}", missing.display());
+        return Err(PyValueError::new_err(message));
+    }
     let options = LoadOptions {
         search,
         ..LoadOptions::default()

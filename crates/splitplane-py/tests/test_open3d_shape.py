@@ -234,6 +234,9 @@ def test_the_card_shows_itself(scene):
         (lambda s: pinhole(up=[0, 0, 1]), ValueError, "up must point aside"),
         (lambda s: pinhole(eye=[0, 0]), ValueError, "eye must have the shape (..., 3)"),
         (lambda s: pinhole(width_px=-1), ValueError, "-1 and 3"),
+        (lambda s: pinhole(fov_deg=0), ValueError, "fov_deg is 0.0"),
+        (lambda s: pinhole(fov_deg=180), ValueError, "less than 180"),
+        (lambda s: pinhole(fov_deg=float("nan")), ValueError, "fov_deg is nan"),
     ],
 )
 def test_what_is_wrong_is_told(scene, call, error, says):

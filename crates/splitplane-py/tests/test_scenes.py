@@ -76,6 +76,7 @@ def test_records_are_dictionaries(ring):
     [
         (lambda: splitplane.load_scene("no-such-scene"), ValueError, "no-such-scene"),
         (lambda: splitplane.load_scene(__file__), ValueError, "test_scenes.py"),
+        (lambda: splitplane.load_scene("truck", search=["nowhere"]), ValueError, "nowhere"),
         (lambda: splitplane.render("grove:40000", spp=-1), ValueError, "spp must be from 0"),
         (lambda: splitplane.render("grove:40000", resolution=(0, 5)), ValueError, "0 x 5"),
         (lambda: splitplane.compare("grove:40000", "kd"), TypeError, "list"),

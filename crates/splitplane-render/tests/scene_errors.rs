@@ -131,6 +131,9 @@ fn an_obj_that_names_what_is_not_there_is_refused_with_the_line() {
         ("f 1 2 -4", ":6: vertex -4, but only 3 come before it"),
         ("f 1 2 0", ":6: vertex 0: they are counted from 1"),
         ("f 1 2 4", ":6: vertex 4 of 3"),
+        ("f 1 2/one 3", ":6: texture coordinate \"one\""),
+        ("v 0 0,5 0", ":6: a vertex has 3 numbers; \"0,5\" is none"),
+        ("vt 1", ":6: a texture coordinate has 2 numbers"),
     ] {
         std::fs::write(&path, format!("{vertices}{face}\n")).unwrap();
         let error = read(&path).unwrap_err().to_string();
@@ -147,6 +150,38 @@ fn an_obj_that_names_what_is_not_there_is_refused_with_the_line() {
         std::fs::write(&path, &text).unwrap();
         assert_eq!(read(&path).unwrap().mesh.triangles().len(), 1, "{text}");
     }
+}
+
+#[test]
+fn what_is_wrong_with_an_stl_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("bad.stl");
+    let mut cut = vec![0; 84 + 120];
+    cut[80] = 5;
+    let ascii = "solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 ";
+    for (bytes, message) in [
+        (
+            vec![],
+            "bad.stl: not an STL file that can be read: it has 0 bytes",
+        ),
+        (cut, "cut short: 2 triangles of the 5 that it announces"),
+        (format!("{ascii}zero\n").into_bytes(), "bad.stl:4: "),
+        (
+            format!("{ascii}\n").into_bytes(),
+            "three numbers are missing",
+        ),
+    ] {
+        std::fs::write(&path, &bytes).unwrap();
+        let error = read(&path).unwrap_err().to_string();
+        assert!(error.contains(message), "{error}");
+    }
+}
+
+#[test]
+fn a_folder_is_no_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    let error = read(folder.path()).unwrap_err().to_string();
+    assert!(error.contains("give a file in it"), "{error}");
 }
 
 #[test]

@@ -458,6 +458,8 @@ def _view(
     fov_deg: float, center: ArrayLike, eye: ArrayLike, up: ArrayLike, width: int, height: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Intrinsic and extrinsic matrix of a camera at ``eye`` that looks at ``center``."""
+    if not 0.0 < fov_deg < 180.0:
+        raise ValueError(f"fov_deg is {fov_deg}; more than 0 and less than 180 will do")
     focal = 0.5 * width / np.tan(0.5 * np.radians(fov_deg))
     intrinsic = np.array([[focal, 0, 0.5 * width], [0, focal, 0.5 * height], [0, 0, 1.0]])
     at = _vector(eye, "eye")

@@ -326,10 +326,15 @@ pub(crate) struct ObjMesh {
     pub(crate) faces: Faces,
 }
 
-/// Refuses faces that name a vertex, a texture coordinate or a normal that is not there, with the
-/// line. The crate that reads the file calculates with what they say, and may overflow.
-fn check_faces(name: &str, bytes: &[u8]) -> Result<(), SceneError> {
+/// Refuses what is no number, and faces that name a vertex, a texture coordinate or a normal that is
+/// not there, with the line. The crate that reads the file does not say where, calculates with what
+/// they say, and may overflow.
+fn check_lines(name: &str, bytes: &[u8]) -> Result<(), SceneError> {
     const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
+    let wrong = |line: usize, message: String| SceneError {
+        line: u32::try_from(line + 1).unwrap_or(0),
+        ..SceneError::file(name, message)
+    };
     let mut counts = [0_i64; 3];
     // Of each kind, the first index that counts back too far, and the greatest, which may stand
     // before what it names; with their lines.
@@ -340,16 +345,23 @@ fn check_faces(name: &str, bytes: &[u8]) -> Result<(), SceneError> {
         let mut words = std::str::from_utf8(line)
             .unwrap_or_default()
             .split_whitespace();
-        match words.next() {
-            Some("v") => counts[0] += 1,
-            Some("vt") => counts[1] += 1,
-            Some("vn") => counts[2] += 1,
-            // What has one corner or two is left out.
-            Some("f" | "l") if words.clone().nth(2).is_some() => {
+        let (kind, numbers) = match words.next() {
+            Some("v") => (0, 3),
+            Some("vt") => (1, 2),
+            Some("vn") => (2, 3),
+            Some("f" | "l") => {
+                // What has one corner or two is left out.
+                let is_face = words.clone().nth(2).is_some();
                 for (kind, index) in words.flat_map(|corner| corner.split('/').take(3).enumerate())
                 {
-                    let Ok(index) = index.parse::<i64>() else {
-                        continue;
+                    let index = match index.parse::<i64>() {
+                        Ok(index) if is_face => index,
+                        Err(_) if !index.is_empty() => {
+                            let what = KINDS[kind];
+                            let message = format!("{what} \"{index}\": it is named by its number");
+                            return Err(wrong(number, message));
+                        }
+                        _ => continue,
                     };
                     // Of the other kinds 0 is none, as if it were not given.
                     let is_before = index < 0 && index + counts[kind] < 0;
@@ -360,9 +372,18 @@ fn check_faces(name: &str, bytes: &[u8]) -> Result<(), SceneError> {
                         greatest[kind] = (index, number);
                     }
                 }
+                continue;
             }
-            _ => {}
-        }
+            _ => continue,
+        };
+        counts[kind] += 1;
+        let what = KINDS[kind];
+        let message = match numbers_in(words, numbers) {
+            Ok(()) => continue,
+            Err(Some(word)) => format!("a {what} has {numbers} numbers; \"{word}\" is none"),
+            Err(None) => format!("a {what} has {numbers} numbers; here are fewer"),
+        };
+        return Err(wrong(number, message));
     }
     for (kind, what) in KINDS.iter().enumerate() {
         let count = counts[kind];
@@ -379,17 +400,27 @@ fn check_faces(name: &str, bytes: &[u8]) -> Result<(), SceneError> {
             (None, (index, line)) if index > count => (line, format!("{what} {index} of {count}")),
             _ => continue,
         };
-        return Err(SceneError {
-            line: u32::try_from(line + 1).unwrap_or(0),
-            ..SceneError::file(name, message)
-        });
+        return Err(wrong(line, message));
     }
     Ok(())
 }
 
+/// Whether so many words are numbers; else the first one that is none, where there are so many.
+fn numbers_in<'a>(
+    words: impl Iterator<Item = &'a str>,
+    count: usize,
+) -> Result<(), Option<&'a str>> {
+    let mut found = 0;
+    for word in words.take(count) {
+        word.parse::<f32>().map_err(|_| Some(word))?;
+        found += 1;
+    }
+    if found < count { Err(None) } else { Ok(()) }
+}
+
 /// Reads the content of an OBJ file, which messages call `name`.
 pub(crate) fn obj(name: &str, bytes: &[u8]) -> Result<ObjMesh, SceneError> {
-    check_faces(name, bytes)?;
+    check_lines(name, bytes)?;
     let mut mesh = ObjMesh::default();
     for line in bytes.split(|&b| b == b'\n') {
         let line = line.trim_ascii();
@@ -491,8 +522,12 @@ fn stl(name: &str, mut bytes: Vec<u8>) -> Result<Geometry, SceneError> {
             bytes[0] = b' ';
         }
     }
-    let mesh = stl_io::read_stl(&mut Cursor::new(bytes)).map_err(|error| {
-        SceneError::file(name, format!("not an STL file that can be read: {error}"))
+    let mesh = stl_io::read_stl(&mut Cursor::new(&bytes)).map_err(|error| {
+        let (line, reason) = wrong_in_stl(&bytes).unwrap_or_else(|| (0, error.to_string()));
+        SceneError {
+            line,
+            ..SceneError::file(name, format!("not an STL file that can be read: {reason}"))
+        }
     })?;
     Ok(Geometry {
         positions: mesh.vertices.iter().map(|v| v.0).collect(),
@@ -502,5 +537,47 @@ fn stl(name: &str, mut bytes: Vec<u8>) -> Result<Geometry, SceneError> {
             .map(|face| face.vertices.map(|v| v as u32))
             .collect(),
         ..Geometry::default()
+    })
+}
+
+/// What is wrong with an STL file that cannot be read, and in which line (0: the file as a whole),
+/// where it is one of the usual things: the crate that reads it does not say.
+fn wrong_in_stl(bytes: &[u8]) -> Option<(u32, String)> {
+    const HEAD: usize = 84;
+    const TRIANGLE: usize = 50;
+    if bytes.starts_with(b"solid ") {
+        return bytes
+            .split(|&b| b == b'\n')
+            .zip(1..)
+            .find_map(|(line, at)| {
+                let line = String::from_utf8_lossy(line);
+                let mut words = line.split_whitespace();
+                let numbers = match words.next()? {
+                    "vertex" => words,
+                    "facet" => {
+                        words.next();
+                        words
+                    }
+                    _ => return None,
+                };
+                match numbers_in(numbers, 3) {
+                    Ok(()) => None,
+                    Err(Some(word)) => Some((at, format!("\"{word}\" is no number"))),
+                    Err(None) => Some((at, "three numbers are missing".to_owned())),
+                }
+            });
+    }
+    let Some(count) = bytes.get(HEAD - 4..HEAD) else {
+        let length = bytes.len();
+        return Some((
+            0,
+            format!("it has {length} bytes, and its head alone is 84"),
+        ));
+    };
+    let count = u32::from_le_bytes([count[0], count[1], count[2], count[3]]) as usize;
+    let there = (bytes.len() - HEAD) / TRIANGLE;
+    (there < count).then(|| {
+        let reason = format!("it is cut short: {there} triangles of the {count} that it announces");
+        (0, reason)
     })
 }

@@ -254,11 +254,15 @@ pub fn resolve(name_or_path: &str, search: &[PathBuf]) -> Result<Resolved, Scene
         });
     }
     let names: Vec<_> = entries.iter().map(|entry| entry.name.as_str()).collect();
+    let there = match path.is_dir() {
+        true => "a folder, and no scene of this name: give a file in it",
+        false => "there is no such file, and no scene of this name",
+    };
     Err(SceneError::file(
         name_or_path,
         format!(
-            "there is no such file, and no scene of this name; scenes are {}; files can end in \
-             .pbrt, .pbrt.gz, .gltf, .glb{}",
+            "{there}; scenes are {}; files can end in .pbrt, .pbrt.gz, .gltf, \
+             .glb{}",
             names.join(", "),
             super::mesh_file::ENDINGS
                 .iter()
