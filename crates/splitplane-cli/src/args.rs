@@ -60,8 +60,8 @@ pub enum Command {
   splitplane render room.pbrt --crop 0.4,0.6,0.4,0.6 --max-depth 3
   splitplane render room.pbrt --time 10m
 
-While it renders, the picture so far is written every few seconds, with a file from which --resume
-goes on.")]
+While it renders, the picture so far is written every ten seconds, tile by tile, with a file from
+which --resume goes on.")]
 pub struct RenderCommand {
     #[command(flatten)]
     pub scene: SceneArgs,

@@ -1,11 +1,12 @@
 //! How a command fails.
 
 use std::io;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use miette::Report;
 use splitplane_lab::LabError;
 use splitplane_render::SceneError;
+use splitplane_render::scene::Scene;
 
 use crate::scene;
 
@@ -74,6 +75,18 @@ pub fn writable_folder(folder: &Path) -> Result<(), Failure> {
             folder.display()
         ))
     })
+}
+
+/// Checks that files can be where they are to be written, and are none of those that the scene is
+/// in: all of these are known once it has been read.
+pub fn writable_places(
+    files: impl IntoIterator<Item = impl AsRef<Path>>,
+    scene: &Scene,
+) -> Result<(), Failure> {
+    let read = &scene.contents.files;
+    files
+        .into_iter()
+        .try_for_each(|file| writable_place(file.as_ref(), read.iter().map(PathBuf::as_path)))
 }
 
 /// Checks that a file can be where it is to be written, and is none of those that are read, before

@@ -398,17 +398,54 @@ fn an_interrupted_rendering_goes_on_to_the_same_picture() {
     assert_eq!(without_time(resumed), without_time(whole));
 }
 
+/// Counts how often it is asked whether to go on, and what was done when the picture was first
+/// offered.
+#[derive(Default)]
+struct Asked {
+    times: AtomicU64,
+    done: AtomicU64,
+    first_offered: AtomicU64,
+}
+
+impl splitplane::Progress for Asked {
+    fn advanced(&self, done: u64, _: u64) {
+        self.done.store(done, Ordering::Relaxed);
+    }
+    fn cancelled(&self) -> bool {
+        self.times.fetch_add(1, Ordering::Relaxed);
+        false
+    }
+}
+
+impl Progress for Asked {
+    fn wants_partial(&self) -> bool {
+        let done = self.done.load(Ordering::Relaxed);
+        self.first_offered.fetch_min(done, Ordering::Relaxed);
+        false
+    }
+}
+
 #[test]
-fn many_samples_are_kept_after_few_tiles() {
+fn with_many_samples_a_rendering_can_be_stopped_within_a_pixel_and_is_kept_after_each_tile() {
     let scene = room();
     let tree = tree_of(&scene);
-    // 15 tiles, of which four of so many samples are waited for.
-    let settings = RenderSettings {
-        samples_per_pixel: Some(1200),
-        threads: 1,
-        ..Default::default()
+    let asked = |samples| {
+        let settings = RenderSettings {
+            samples_per_pixel: Some(samples),
+            resolution: Some((20, 12)),
+            threads: 1,
+            ..Default::default()
+        };
+        let asked = Asked {
+            first_offered: AtomicU64::new(u64::MAX),
+            ..Asked::default()
+        };
+        render(&scene, &tree, &settings, &asked).unwrap();
+        (asked.times.into_inner(), asked.first_offered.into_inner())
     };
-    interrupted(&scene, &tree, &settings);
+    let (few, many) = (asked(64), asked(200));
+    assert_eq!(many.0, 4 * few.0);
+    assert!(many.1 <= 200 * 16 * 16, "{}", many.1);
 }
 
 #[test]
@@ -432,9 +469,9 @@ fn what_was_begun_with_a_limit_of_time_gets_all_its_samples_without() {
     assert_eq!(resumed.rays.camera, 300 * 200 * 3);
 }
 
-/// Stops once a pixel has so many samples, and keeps the picture.
+/// Stops once so many camera rays were cast, and keeps the picture.
 struct Enough {
-    samples: u32,
+    camera_rays: u64,
     picture: Mutex<Option<Rendered>>,
 }
 
@@ -449,7 +486,7 @@ impl Progress for Enough {
         true
     }
     fn partial(&self, partial: &Partial) {
-        if partial.picture.samples_per_pixel >= self.samples {
+        if partial.picture.rays.camera >= self.camera_rays {
             *self.picture.lock().unwrap() = Some(partial.picture.clone());
         }
     }
@@ -477,7 +514,7 @@ fn with_a_limit_of_time_samples_are_added_until_it_is_over() {
     assert_eq!(one.samples_per_pixel, 1);
     // One that is never over: more and more, until it is stopped.
     let enough = Enough {
-        samples: 30,
+        camera_rays: 70 * 41 * 32,
         picture: Mutex::default(),
     };
     let stopped = render(&scene, &tree, &settings(Some(1e9)), &enough);

@@ -10,25 +10,27 @@ use splitplane_lab::{
 use splitplane_render::scene::Instancing;
 
 use crate::args::{BuildCommand, TreeSource};
-use crate::failure::{Failure, writable_place};
+use crate::failure::{Failure, writable_place, writable_places};
 use crate::numbers::{bytes, count, grouped, measured, percent, seconds};
 use crate::progress::{self, Bar};
 use crate::{print, scene};
 
 pub fn run(command: &BuildCommand) -> Result<(), Failure> {
     let quiet = command.general.quiet;
-    if let Some(out) = &command.out {
+    let written = || command.out.iter().chain(&command.timeline);
+    for file in written() {
         let trees = command.tree.iter().filter_map(TreeSource::file);
-        writable_place(out, trees.chain([command.scene.file()]))?;
-        if command.tree.len() > 1 {
-            return Err(Failure::input("--out takes one tree; name one with --tree"));
-        }
+        writable_place(file, trees.chain([command.scene.file()]))?;
+    }
+    if command.out.is_some() && command.tree.len() > 1 {
+        return Err(Failure::input("--out takes one tree; name one with --tree"));
     }
     let mut settings = command.build.settings(Preset::Default, &command.general);
     settings.layouts = Layouts::both(command.layout);
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, Instancing::Flattened, quiet)?;
+    writable_places(written(), &scene)?;
     let timeline = Timeline::default();
     let (mut cards, mut peaks, mut last) = (Vec::new(), Vec::new(), None);
     for repetition in 0..command.repeat {

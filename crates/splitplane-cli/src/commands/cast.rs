@@ -11,7 +11,7 @@ use splitplane_render::scene::Instancing;
 use zip::{CompressionMethod, ZipWriter, write::SimpleFileOptions};
 
 use crate::args::{CastCommand, Query, TreeSource, layout};
-use crate::failure::{Failure, writable_place};
+use crate::failure::{Failure, writable_place, writable_places};
 use crate::numbers::{count, grouped, seconds};
 use crate::progress::{self, Bar};
 use crate::{print, scene};
@@ -28,6 +28,7 @@ pub fn run(command: &CastCommand) -> Result<(), Failure> {
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, Instancing::Flattened, quiet)?;
+    writable_places([&command.out], &scene)?;
     let source = match &command.tree {
         Some(tree) => tree.clone(),
         None => TreeSource::Built(TreeChoice::new(TREES[0].name, None).map_err(Failure::input)?),

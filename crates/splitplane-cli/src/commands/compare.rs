@@ -1,6 +1,6 @@
 //! `splitplane compare`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use splitplane::{Layout, Traversal, TreeChoice};
 use splitplane_lab::experiment::SceneFacts;
@@ -11,7 +11,7 @@ use splitplane_lab::{
 use splitplane_render::output::{write_exr, write_false_colour, write_png};
 
 use crate::args::{CompareCommand, layout};
-use crate::failure::{Failure, writable_folder, writable_place};
+use crate::failure::{Failure, writable_folder, writable_place, writable_places};
 use crate::numbers::{bytes, count, grouped, percent};
 use crate::progress::{self, Bar};
 use crate::{print, scene};
@@ -37,6 +37,11 @@ pub fn run(command: &CompareCommand) -> Result<(), Failure> {
     let bar = Bar::new(quiet, steps);
     bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, command.instances.how(), quiet)?;
+    let places = Places {
+        command,
+        scene: scene::file_name(&scene.name),
+    };
+    writable_places(places.all(), &scene)?;
     command
         .picture
         .apply(&mut settings.render, (scene.film.width, scene.film.height));
@@ -58,7 +63,7 @@ pub fn run(command: &CompareCommand) -> Result<(), Failure> {
     let (names, rows) = rows(&found.records);
     print::line(&table(&names, &rows))?;
 
-    let mut written = write(command, &scene::file_name(&scene.name), &found)?;
+    let mut written = write(&places, &found)?;
     if command.report {
         let again = std::env::args().skip(1).collect::<Vec<_>>().join(" ");
         let told = found.differences.iter().map(told).collect();
@@ -150,34 +155,66 @@ fn table(trees: &[String], rows: &[Row]) -> String {
     print::table(header, cells.collect()).trim_fmt()
 }
 
+/// Where files are written.
+struct Places<'a> {
+    command: &'a CompareCommand,
+    /// Its name, as files have it.
+    scene: String,
+}
+
+impl Places<'_> {
+    fn of_scene(&self, rest: &str) -> PathBuf {
+        (self.command.out.out).join(format!("{}{rest}", self.scene))
+    }
+
+    fn of_tree(&self, tree: TreeChoice, rest: &str) -> PathBuf {
+        self.of_scene(&format!("-{}{rest}", scene::file_name(&tree.to_string())))
+    }
+
+    fn json(&self) -> PathBuf {
+        match &self.command.json {
+            Some(path) => path.clone(),
+            None => self.of_scene(".json"),
+        }
+    }
+
+    fn picture(&self) -> PathBuf {
+        self.of_scene(".png")
+    }
+
+    fn samples(&self, tree: TreeChoice) -> PathBuf {
+        self.of_tree(tree, ".exr")
+    }
+
+    fn false_colour(&self, tree: TreeChoice, quantity: Quantity) -> PathBuf {
+        self.of_tree(tree, &format!("-{}.png", quantity.file_label()))
+    }
+
+    fn all(&self) -> Vec<PathBuf> {
+        let of_tree = |&tree: &TreeChoice| {
+            let colours = Quantity::ALL.into_iter();
+            let colours = colours.map(move |quantity| self.false_colour(tree, quantity));
+            colours.chain([self.samples(tree)])
+        };
+        let trees = self.command.trees.iter().flat_map(of_tree);
+        trees.chain([self.json(), self.picture()]).collect()
+    }
+}
+
 /// Writes pictures and records; says what went where.
-fn write(
-    command: &CompareCommand,
-    scene: &str,
-    found: &Comparison,
-) -> Result<Vec<(&'static str, PathBuf)>, Failure> {
-    let out: &Path = &command.out.out;
+fn write(places: &Places, found: &Comparison) -> Result<Vec<(&'static str, PathBuf)>, Failure> {
     // The records first: they cannot be had again at the same price.
     let mut written = Vec::new();
-    let json = match &command.json {
-        Some(path) => path.clone(),
-        None => out.join(format!("{scene}.json")),
-    };
+    let json = places.json();
     write_records(&json, &found.records)?;
     written.push(("records", json));
-    let of_tree = |tree: &TreeChoice, rest: &str| {
-        out.join(format!(
-            "{scene}-{}{rest}",
-            scene::file_name(&tree.to_string())
-        ))
-    };
     if let Some(first) = found.trees.first() {
-        let path = out.join(format!("{scene}.png"));
+        let path = places.picture();
         write_png(&path, &first.rendered)?;
         written.push(("picture", path));
     }
     for tree in &found.trees {
-        let path = of_tree(&tree.choice, ".exr");
+        let path = places.samples(tree.choice);
         write_exr(&path, &tree.rendered)?;
         written.push(("picture and counters", path));
     }
@@ -190,7 +227,7 @@ fn write(
         let end = shared_scale(&values);
         for (tree, values) in found.trees.iter().zip(&values) {
             let (tree, picture) = (tree.choice, &tree.rendered);
-            let path = of_tree(&tree, &format!("-{}.png", quantity.file_label()));
+            let path = places.false_colour(tree, quantity);
             let label = format!("{} per sample, {tree}", quantity.label());
             let size = (picture.width, picture.height);
             write_false_colour(&path, values, size, Some(end), &label)?;

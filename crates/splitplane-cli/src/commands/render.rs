@@ -11,7 +11,7 @@ use splitplane_render::render::{Checkpoint, Partial, Progress, render_from};
 use splitplane_render::scene::{Instancing, Scene};
 
 use crate::args::{RenderCommand, TreeSource, layout};
-use crate::failure::{Failure, writable_folder, writable_place};
+use crate::failure::{Failure, writable_folder, writable_place, writable_places};
 use crate::numbers::{count, grouped, seconds};
 use crate::progress::{self, Bar};
 use crate::{print, scene};
@@ -33,6 +33,15 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
         _ => command.instances.how(),
     };
     let scene = scene::load(&command.scene, instances, quiet)?;
+    let path = |extension: &str| -> PathBuf {
+        let name = scene::file_name(&scene.name);
+        command.out.out.join(format!("{name}.{extension}"))
+    };
+    let [png, exr, unfinished] = ["png", "exr", "unfinished"].map(path);
+    writable_places(
+        [&png, &exr, &unfinished].into_iter().chain(&command.json),
+        &scene,
+    )?;
     command
         .picture
         .apply(&mut settings.render, (scene.film.width, scene.film.height));
@@ -47,20 +56,15 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
         TreeSource::Saved(_) => "loaded",
     };
     bar.spin(format!("{tree}: rendering"));
-    let path = |extension: &str| -> PathBuf {
-        let name = scene::file_name(&scene.name);
-        command.out.out.join(format!("{name}.{extension}"))
-    };
     settings.render.time = command.time;
     settings.render.count = true;
-    let unfinished = path("unfinished");
     let from = match command.resume {
         true => checkpoint(&unfinished, quiet)?,
         false => None,
     };
     let writing = Writing {
         bar: &bar,
-        places: [path("png"), path("exr"), unfinished.clone()],
+        places: [png.clone(), exr.clone(), unfinished.clone()],
         last: Mutex::new(Instant::now()),
     };
     let trees = built.in_layout(settings.layouts.counted);
@@ -68,8 +72,8 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
         render_from(&scene, trees, &settings.render, from, &writing).map_err(LabError::from)?;
     progress::clear();
 
-    write_png(&path("png"), &picture)?;
-    write_exr(&path("exr"), &picture)?;
+    write_png(&png, &picture)?;
+    write_exr(&exr, &picture)?;
     // Nothing to go on from is left; where there never was, nothing is removed.
     let _ = std::fs::remove_file(&unfinished);
     let record = record(
@@ -104,11 +108,7 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
         grouped(record.triangle_tests.total()),
         record.counts_layout,
     ))?;
-    print::line(&format!(
-        "wrote {} and {}",
-        path("png").display(),
-        path("exr").display()
-    ))?;
+    print::line(&format!("wrote {} and {}", png.display(), exr.display()))?;
     if let Some(json) = &command.json {
         print::line(&format!("wrote {}", json.display()))?;
     }
@@ -144,7 +144,7 @@ fn checkpoint(path: &Path, quiet: bool) -> Result<Option<Checkpoint>, Failure> {
     }
 }
 
-/// Writes the picture every few seconds while it is rendered.
+/// Writes the picture every ten seconds while it is rendered.
 struct Writing<'b> {
     bar: &'b Bar,
     /// PNG, EXR, and what a later run goes on from.

@@ -1,6 +1,7 @@
 //! `splitplane reproduce`.
 
 use std::io::Write;
+use std::path::Path;
 
 use splitplane::{Ties, Traversal};
 use splitplane_lab::{
@@ -10,7 +11,7 @@ use splitplane_lab::{
 };
 
 use crate::args::ReproduceCommand;
-use crate::failure::{Failure, writable_place};
+use crate::failure::{Failure, writable_place, writable_places};
 use crate::numbers::{count, grouped, measured};
 use crate::progress::{self, Bar};
 use crate::{print, scene};
@@ -20,7 +21,7 @@ const NOTABLE: f64 = 0.1;
 
 pub fn run(command: &ReproduceCommand) -> Result<(), Failure> {
     if let Some(out) = &command.out {
-        writable_place(out, [])?;
+        writable_place(out, [Path::new(&command.scene)])?;
     }
     let trees = match command.trees.as_slice() {
         [] => trees_of_the_thesis(),
@@ -30,6 +31,7 @@ pub fn run(command: &ReproduceCommand) -> Result<(), Failure> {
     let bar = Bar::new(quiet, reproduction_steps(trees.len()));
     bar.spin(format!("reading {}", command.scene));
     let scene = scene::load_named(&command.scene, &command.load, quiet)?;
+    writable_places(&command.out, &scene)?;
     let mut settings = Settings::of_preset(Preset::Thesis);
     settings.params.seed = command.seed;
     settings.render.threads = command.general.threads();

@@ -5,7 +5,7 @@ use splitplane_lab::{Preset, Slice, SliceSettings};
 use splitplane_render::scene::Instancing;
 
 use crate::args::SliceCommand;
-use crate::failure::{Failure, writable_place};
+use crate::failure::{Failure, writable_place, writable_places};
 use crate::numbers::{bytes, grouped, measured};
 use crate::progress::{self, Bar};
 use crate::{print, scene};
@@ -20,6 +20,7 @@ pub fn run(command: &SliceCommand) -> Result<(), Failure> {
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, Instancing::Flattened, quiet)?;
+    writable_places([&command.out], &scene)?;
     let built = scene::tree(
         &command.tree,
         &scene.mesh,

@@ -1,11 +1,12 @@
 //! The picture, tile by tile: many threads, one result.
 
+use std::collections::BTreeMap;
 use std::ops::{AddAssign, Range};
-use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
+use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use glam::{Vec2, Vec3};
-use rayon::prelude::*;
 use splitplane::Counts;
 
 use super::camera::CameraRays;
@@ -20,12 +21,8 @@ use super::{LeafSizes, PixelCounts, Progress, RayKinds, RenderError, Rendered};
 /// Edge of a tile, in pixels.
 const TILE: i32 = 16;
 
-/// Tiles a thread that wait to be merged; the threads meet after so many. Fewer where a tile takes
-/// long: what waits is lost when a rendering is interrupted.
-const BATCH: std::ops::RangeInclusive<usize> = 4..=64;
-
-/// Camera rays of the tiles that wait, for each thread, where that many tiles are allowed.
-const BATCH_RAYS: usize = 1 << 20;
+/// Samples of a pixel after which it is asked whether to go on.
+const ASKED_EVERY: u32 = 64;
 
 /// Samples of a pixel in one pass at most, where time is limited.
 const LONGEST_PASS: u32 = 64;
@@ -40,6 +37,14 @@ pub(super) struct Job<'j> {
     /// Without a limit of time.
     pub(super) samples_per_pixel: u32,
     pub(super) progress: &'j dyn Progress,
+}
+
+/// What tiles gave so far. They are added in their order, since sums of floats depend on it.
+struct Merged<'m> {
+    film: &'m mut FilmTile,
+    state: &'m mut Checkpoint,
+    /// Tiles that are done before one that comes before them, by their numbers.
+    waiting: BTreeMap<u64, Tile>,
 }
 
 /// What a tile gave. The sums per pixel are those of its own pixels; its film reaches further.
@@ -98,47 +103,67 @@ impl Job<'_> {
         let skip = (state.tiles_done as usize).min(tiles.len());
         let done = tiles[..skip].iter().map(|tile| tile.pixels() as u64);
         let done = AtomicU64::new(done.sum::<u64>() * u64::from(state.samples));
-        let numbered: Vec<(u64, Window)> = (0..).zip(tiles.iter().copied()).collect();
         let samples = state.first_sample..state.first_sample + state.samples;
-        let rays_per_tile = (TILE * TILE) as usize * (state.samples as usize).max(1);
-        let batch = (BATCH_RAYS / rays_per_tile).clamp(*BATCH.start(), *BATCH.end());
-        for batch in numbered[skip..].chunks(batch * rayon::current_num_threads()) {
-            let tiles: Vec<Tile> = batch
-                .par_iter()
-                .with_max_len(1)
-                .map(|&(number, pixels)| {
-                    let tile = self.tile::<COUNT>(number, pixels, samples.clone())?;
-                    let rays = tile.rays.camera;
-                    let before = done.fetch_add(rays, Ordering::Relaxed);
-                    self.progress.advanced(before + rays, total);
-                    Ok(tile)
-                })
-                .collect::<Result<_, RenderError>>()?;
-            // In order: sums of floats depend on it.
-            for tile in &tiles {
-                film.merge(&tile.film);
-                state.rays += tile.rays;
-                state.counts += tile.counts;
-                let sizes = &mut state.tests_by_leaf_size;
-                sizes.camera += &tile.tests_by_leaf_size.camera;
-                sizes.bounce += &tile.tests_by_leaf_size.bounce;
-                sizes.shadow += &tile.tests_by_leaf_size.shadow;
-                self.place(state, tile);
+        let next = AtomicUsize::new(skip);
+        let merged = Mutex::new(Merged {
+            film,
+            state,
+            waiting: BTreeMap::new(),
+        });
+        let work = || {
+            loop {
+                let number = next.fetch_add(1, Ordering::Relaxed);
+                let Some(&pixels) = tiles.get(number) else {
+                    return Ok(());
+                };
+                let number = number as u64;
+                let tile = self.tile::<COUNT>(number, pixels, samples.clone())?;
+                let rays = tile.rays.camera;
+                let before_it = done.fetch_add(rays, Ordering::Relaxed);
+                self.progress.advanced(before_it + rays, total);
+                let mut merged = merged.lock().unwrap_or_else(PoisonError::into_inner);
+                merged.waiting.insert(number, tile);
+                self.merge(&mut merged);
+                if self.progress.wants_partial() {
+                    merged.state.seconds = before + start.elapsed().as_secs_f64();
+                    self.progress.partial(&self.partial(&merged));
+                }
             }
-            state.tiles_done += tiles.len() as u64;
-            if self.progress.wants_partial() {
-                state.seconds = before + start.elapsed().as_secs_f64();
-                let samples = state.first_sample + state.samples;
-                self.progress.partial(&Partial {
-                    picture: self.picture(film, state, samples),
-                    checkpoint: Checkpoint {
-                        sums: film.sums().to_vec(),
-                        ..state.clone()
-                    },
-                });
-            }
+        };
+        rayon::broadcast(|_| work()).into_iter().collect()
+    }
+
+    /// Adds the tiles that are next.
+    fn merge(
+        &self,
+        Merged {
+            film,
+            state,
+            waiting,
+        }: &mut Merged,
+    ) {
+        while let Some(tile) = waiting.remove(&state.tiles_done) {
+            film.merge(&tile.film);
+            state.rays += tile.rays;
+            state.counts += tile.counts;
+            let sizes = &mut state.tests_by_leaf_size;
+            sizes.camera += &tile.tests_by_leaf_size.camera;
+            sizes.bounce += &tile.tests_by_leaf_size.bounce;
+            sizes.shadow += &tile.tests_by_leaf_size.shadow;
+            self.place(state, &tile);
+            state.tiles_done += 1;
         }
-        Ok(())
+    }
+
+    fn partial(&self, Merged { film, state, .. }: &Merged) -> Partial {
+        let samples = state.first_sample + state.samples;
+        Partial {
+            picture: self.picture(film, state, samples),
+            checkpoint: Checkpoint {
+                sums: film.sums().to_vec(),
+                ..Checkpoint::clone(state)
+            },
+        }
     }
 
     /// The picture so far.
@@ -201,9 +226,6 @@ impl Job<'_> {
         let mut closest = Vec::with_capacity(if COUNT { count } else { 0 });
         let mut shadow = Vec::with_capacity(if COUNT { count } else { 0 });
         for y in pixels.min[1]..pixels.max[1] {
-            if self.progress.cancelled() {
-                return Err(RenderError::Cancelled);
-            }
             for x in pixels.min[0]..pixels.max[0] {
                 let before = gatherer.tracer.counts;
                 let mut hits = FirstHits::default();
@@ -211,6 +233,10 @@ impl Job<'_> {
                     .sampler
                     .start_pixel(x, y, samples.end - samples.start);
                 for number in samples.clone() {
+                    let taken = number - samples.start;
+                    if taken.is_multiple_of(ASKED_EVERY) && self.progress.cancelled() {
+                        return Err(RenderError::Cancelled);
+                    }
                     gatherer.sampler.start_sample(number);
                     let place = Vec2::new(x as f32, y as f32) + gatherer.sampler.next_2d();
                     // pbrt's time; here nothing moves.

@@ -20,7 +20,7 @@ mod subdivide;
 mod tessellate;
 mod view;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::PathBuf;
 
@@ -207,6 +207,9 @@ pub struct Contents {
     pub instanced_triangles: u64,
     /// Images that are there, in the order of their first use.
     pub images: Vec<PathBuf>,
+    /// All files that were read, images among them, or that the scene names and that are there; in
+    /// the order of their names.
+    pub files: BTreeSet<PathBuf>,
 }
 
 impl Contents {

@@ -2,7 +2,8 @@
 
 mod list;
 
-use std::collections::BTreeMap;
+use std::cell::RefCell;
+use std::collections::{BTreeMap, BTreeSet};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -143,6 +144,8 @@ pub(crate) struct Parser<'a> {
     pub(crate) is_v4: bool,
     /// The file is a part of a scene: it has shapes and no WorldBegin.
     pub(crate) is_part: bool,
+    /// The main file, and all that were found.
+    pub(crate) found: RefCell<BTreeSet<PathBuf>>,
     /// Files that were to be included and are not there, since the last directive.
     pub(crate) missing: Vec<(String, Span)>,
 }
@@ -178,6 +181,7 @@ impl<'a> Parser<'a> {
             includes: 0,
             is_v4,
             is_part,
+            found: RefCell::new(BTreeSet::from([path.to_owned()])),
             missing: Vec::new(),
         })
     }
@@ -406,9 +410,11 @@ impl<'a> Parser<'a> {
                     .unwrap_or(Path::new(""))
             })
             .chain(self.search.iter().map(PathBuf::as_path));
-        folders
+        let path = folders
             .map(|folder| folder.join(&name))
-            .find(|path| path.is_file())
+            .find(|path| path.is_file())?;
+        self.found.borrow_mut().insert(path.clone());
+        Some(path)
     }
 
     fn include(&mut self, name: &str, span: Span) -> Result<(), SceneError> {

@@ -168,6 +168,7 @@ impl World<'_> {
             || files.par_iter().map(|(path, _)| ply::read(path)).collect(),
         );
         let missing: HashSet<&Path> = unread.iter().map(|(path, _)| *path).collect();
+        self.contents.files = self.parser.found.take();
         self.contents.images = images
             .paths()
             .filter(|path| !missing.contains(path))
