@@ -30,7 +30,7 @@ const fn case(name: &'static str, per: &'static str, run: fn(&Scene)) -> Case {
     Case { name, per, run }
 }
 
-const CASES: [Case; 12] = [
+const CASES: [Case; 13] = [
     case("build kd", "triangle", |scene| build(scene, "kd")),
     case("build wn+kd:6", "triangle", |scene| build(scene, "wn+kd:6")),
     case("build bvh", "triangle", |scene| build(scene, "bvh")),
@@ -58,6 +58,16 @@ const CASES: [Case; 12] = [
     }),
     case("closest, bounces in batches", "ray", |scene| {
         closest_in_batches(scene, &scene.bounces())
+    }),
+    case("any, bounces in batches", "ray", |scene| {
+        let (tree, rays) = (scene.wide(), scene.bounces());
+        let mut found = vec![false; rays.len()];
+        counted(&mut || {
+            for (rays, found) in rays.chunks(1000).zip(found.chunks_mut(1000)) {
+                tree.any_hits_as(Coherence::Unknown, rays, found);
+            }
+        });
+        black_box(found);
     }),
     case("closest, camera in batches", "ray", |scene| {
         closest_in_batches(scene, &scene.camera(25))

@@ -58,7 +58,7 @@ impl Question for ClosestHit {
     }
 }
 
-struct AnyHit;
+pub(super) struct AnyHit;
 
 impl Question for AnyHit {
     type Search<'r> = Any<'r, Everything>;

@@ -42,6 +42,15 @@ fn root(wide: &Wide) -> &WideNode {
     unsafe { wide.nodes.get_unchecked(0) }
 }
 
+/// The node of that index, which a link of the tree names, or the root.
+#[inline(always)]
+fn node(wide: &Wide, index: usize) -> &WideNode {
+    debug_assert!(index < wide.nodes.len());
+    // SAFETY: the links of a tree name nodes that are there: `store` writes them so, and
+    // `check_wide` refuses a tree from a file that is otherwise.
+    unsafe { wide.nodes.get_unchecked(index) }
+}
+
 /// The coordinate of points along a row of a frame.
 #[inline(always)]
 fn along<L: Lanes>([a, b, c]: [L; 3], [x, y, z]: [L; 3]) -> L {
@@ -174,6 +183,10 @@ fn each_alone<L: Eight, Q: Question>(
     L::prefetch(rays.as_ptr_range().end.cast());
     let ready = Ready::new::<L>(wide, rays);
     let at_root = ready.meet_root::<L>(wide);
+    let first = match <Q::Search<'_> as Search>::NEAREST_FIRST {
+        true => None,
+        false => Some(ready.meet_first::<L>(wide, &at_root)),
+    };
     // Which ones meet anything is hard to foresee; so they are not asked one by one.
     let (mut meeting, mut missing) = (at_root.rays, !at_root.rays & ((1 << rays.len()) - 1));
     while missing != 0 {
@@ -186,9 +199,15 @@ fn each_alone<L: Eight, Q: Question>(
         meeting &= meeting - 1;
         let mut search = Q::search(&rays[i], None);
         let mut cursor = Cursor::<L, _>::new(wide, ready.get(i), &rays[i], &search, space);
-        let (met, near) = at_root.of::<L>(i);
-        cursor.go_on::<Q::Search<'_>>(wide, (0, root(wide)), met, near);
-        while cursor.step(wide, &mut search, &mut ()) {}
+        cursor.go_on::<Q::Search<'_>>(wide, (0, root(wide)), at_root.of(i));
+        let mut goes_on = true;
+        if let Some((nodes, met)) = &first
+            && nodes[i % WIDTH] != 0
+        {
+            let visited = (nodes[i % WIDTH], node(wide, nodes[i % WIDTH]));
+            goes_on = cursor.visited::<Q::Search<'_>>(wide, visited, met.of(i));
+        }
+        while goes_on && cursor.step(wide, &mut search, &mut ()) {}
         answers[i] = Q::answer(Q::found(&search));
     }
 }
@@ -279,10 +298,7 @@ impl<'s, L: Eight, C: Course> Cursor<'s, L, C> {
         match self.next.child() {
             Child::Node(index) => {
                 counters.wide_visit();
-                debug_assert!(index < wide.nodes.len());
-                // SAFETY: the links of a tree name nodes that are there: `store` writes them so,
-                // and `check_wide` refuses a tree from a file that is otherwise.
-                let node = unsafe { wide.nodes.get_unchecked(index) };
+                let node = node(wide, index);
                 if node.frame != self.frame {
                     self.enter(node.frame, wide);
                 }
@@ -306,17 +322,28 @@ impl<'s, L: Eight, C: Course> Cursor<'s, L, C> {
 
     #[inline(always)]
     fn visit<S: Search>(&mut self, wide: &Wide, node: (usize, &WideNode)) -> bool {
-        let (met, near) = (self.boxes).meet(node.1, self.t_min, L::splat(self.limit));
+        let met = (self.boxes).meet(node.1, self.t_min, L::splat(self.limit));
+        self.visited::<S>(wide, node, met)
+    }
+
+    /// Goes on after a node of which so many children are met; false when the search is over.
+    #[inline(always)]
+    fn visited<S: Search>(
+        &mut self,
+        wide: &Wide,
+        node: (usize, &WideNode),
+        (met, near): (u32, L),
+    ) -> bool {
         if met == 0 {
             return self.pop::<S>(wide);
         }
-        self.go_on::<S>(wide, node, met, near);
+        self.go_on::<S>(wide, node, (met, near));
         true
     }
 
     /// Goes on with those children of a node that are met, at least one.
     #[inline(always)]
-    fn go_on<S: Search>(&mut self, wide: &Wide, node: (usize, &WideNode), met: u32, near: L) {
+    fn go_on<S: Search>(&mut self, wide: &Wide, node: (usize, &WideNode), (met, near): (u32, L)) {
         self.next = self.stack.choose::<L, S>(wide, node, met, near);
     }
 
@@ -330,7 +357,7 @@ impl<'s, L: Eight, C: Course> Cursor<'s, L, C> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::query::batch::ClosestHit;
+    use crate::query::batch::{AnyHit, ClosestHit};
     use crate::query::{Any, Closest, Everything};
     use crate::{Hit, Mesh, Tree, TreeChoice};
     use proptest::prelude::*;
@@ -399,13 +426,18 @@ mod tests {
                 for spread in [0.02 * spread, spread] {
                     let rays = rays(spread);
                     let mut together = vec![None; rays.len()];
+                    let mut found = vec![false; rays.len()];
                     for instructions in Instructions::available() {
-                        for coherence in [Coherence::Coherent, Coherence::Unknown] {
+                        for coherence in [Coherence::Coherent, Coherence::Unknown, Coherence::Incoherent] {
                             traverse_all_with::<ClosestHit>(
                                 instructions, wide, &rays, &mut together, coherence,
                             );
-                            for (ray, hit) in rays.iter().zip(&together) {
+                            traverse_all_with::<AnyHit>(
+                                instructions, wide, &rays, &mut found, coherence,
+                            );
+                            for ((ray, hit), found) in rays.iter().zip(&together).zip(&found) {
                                 prop_assert_eq!(*hit, crate::brute_force(&mesh, ray));
+                                prop_assert_eq!(*found, hit.is_some());
                             }
                         }
                     }

@@ -1,10 +1,12 @@
-//! Eight rays made ready for boxes at a time, and held against those of the root.
+//! Eight rays made ready for boxes at a time, and held against those of the root and of a child.
+
+use std::hint::select_unpredictable;
 
 use bytemuck::Zeroable;
 use glam::Vec3A;
 
 use super::line::{self, BoxTest, Course, FrameRay, Line, ROWS};
-use super::{along, root, splats};
+use super::{along, node, root, splats};
 use crate::geometry::{Frame, Ray};
 use crate::query::simd::{Eight, Lanes};
 use crate::tree::wide::{WIDTH, Wide};
@@ -28,8 +30,8 @@ pub(super) struct Ready {
     present: u32,
 }
 
-/// What eight rays meet of the root.
-pub(super) struct AtRoot {
+/// What each of eight rays meets of a node.
+pub(super) struct Met {
     /// A bit for each ray that meets anything.
     pub(super) rays: u32,
     /// Per ray, a bit for each child that it meets.
@@ -38,7 +40,7 @@ pub(super) struct AtRoot {
     near: [Numbers; WIDTH],
 }
 
-impl AtRoot {
+impl Met {
     /// A bit for each child that one of the rays meets, and where their boxes are entered.
     #[inline(always)]
     pub(super) fn of<L: Eight>(&self, i: usize) -> (u32, L) {
@@ -136,11 +138,31 @@ impl Ready {
         }
     }
 
-    /// What the rays meet of the root. Nothing has to be foreseen for that, and no ray waits for
-    /// another.
+    /// What the rays meet of the root.
     #[inline(always)]
-    pub(super) fn meet_root<L: Eight>(&self, wide: &Wide) -> AtRoot {
-        let mut at_root = AtRoot {
+    pub(super) fn meet_root<L: Eight>(&self, wide: &Wide) -> Met {
+        self.meet::<L>(wide, [0; WIDTH])
+    }
+
+    /// The child of the root that a ray in no order of nearness visits first, and what it meets of
+    /// that; where the child is a leaf or in another frame, the root, of which nobody asks.
+    #[inline(always)]
+    pub(super) fn meet_first<L: Eight>(&self, wide: &Wide, at_root: &Met) -> ([usize; WIDTH], Met) {
+        let root = root(wide);
+        let nodes = std::array::from_fn(|i| {
+            let first = at_root.children[i].trailing_zeros() as usize;
+            let index = root.children[first % WIDTH].node_or_root();
+            let same = node(wide, index).frame == root.frame;
+            select_unpredictable(same, index, 0)
+        });
+        (nodes, self.meet::<L>(wide, nodes))
+    }
+
+    /// What each ray meets of a node in the frame of the root. Nothing has to be foreseen for that,
+    /// and no ray waits for another.
+    #[inline(always)]
+    fn meet<L: Eight>(&self, wide: &Wide, nodes: [usize; WIDTH]) -> Met {
+        let mut all = Met {
             rays: 0,
             children: [0; WIDTH],
             near: [[0.0; WIDTH]; WIDTH],
@@ -148,13 +170,13 @@ impl Ready {
         for i in 0..WIDTH {
             let (t_min, limit) = (L::splat(self.t_min[i]), L::splat(self.limit[i]));
             let test = BoxTest::<L>::new(&self.get(i).at_root(wide));
-            let (met, near) = test.meet(root(wide), t_min, limit);
-            at_root.children[i] = met;
-            at_root.near[i] = near.to_array();
-            at_root.rays |= u32::from(met != 0) << i;
+            let (met, near) = test.meet(node(wide, nodes[i]), t_min, limit);
+            all.children[i] = met;
+            all.near[i] = near.to_array();
+            all.rays |= u32::from(met != 0) << i;
         }
-        at_root.rays &= self.present;
-        at_root
+        all.rays &= self.present;
+        all
     }
 
     #[inline(always)]

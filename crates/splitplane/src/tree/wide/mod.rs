@@ -84,6 +84,13 @@ impl Link {
         Link(Link::LEAF | (count as u32 - 1) << Link::START_BITS | start as u32)
     }
 
+    /// The index of the node, or of the root where it is a leaf. Without a branch: which one it is
+    /// is hard to foresee.
+    #[inline(always)]
+    pub(crate) fn node_or_root(self) -> usize {
+        std::hint::select_unpredictable(self.0 & Link::LEAF == 0, self.0 as usize, 0)
+    }
+
     #[inline(always)]
     pub(crate) fn child(self) -> Child {
         if self.0 & Link::LEAF == 0 {
