@@ -134,6 +134,17 @@ fn an_obj_that_names_what_is_not_there_is_refused_with_the_line() {
         ("f 1 2/one 3", ":6: texture coordinate \"one\""),
         ("v 0 0,5 0", ":6: a vertex has 3 numbers; \"0,5\" is none"),
         ("vt 1", ":6: a texture coordinate has 2 numbers"),
+        (
+            "v 0 nan 0",
+            ":6: the numbers of a vertex must be finite; here is NaN",
+        ),
+        ("v 1e39 0 0", ":6: the numbers of a vertex must be finite"),
+        ("v 1 1 1 0", ":6: the numbers of a vertex must be finite"),
+        (
+            "v 1 1 1 x",
+            ":6: the weight of a vertex is a number; \"x\" is none",
+        ),
+        ("v 0 \\\n0 0\nf 1 2 \\\n5", ":8: vertex 5 of 4"),
     ] {
         std::fs::write(&path, format!("{vertices}{face}\n")).unwrap();
         let error = read(&path).unwrap_err().to_string();

@@ -6,6 +6,7 @@ use splitplane::{BuildParams, Tree};
 use splitplane_render::render::{RenderSettings, render};
 use splitplane_render::scene::light::Light;
 use splitplane_render::scene::material::Material;
+use splitplane_render::scene::texture::{Mapping, Texture};
 use splitplane_render::scene::{LoadOptions, Scene, load};
 
 fn read(path: &Path) -> Scene {
@@ -183,6 +184,209 @@ fn obj_takes_the_materials_of_its_library() {
     let scene = read(&path);
     assert_eq!(scene.notes.iter().filter(|note| note.warning).count(), 1);
     assert!(!scene.lights.is_empty());
+}
+
+/// The scene of an OBJ file with a library `m.mtl` beside it.
+fn obj(text: &str, library: &str) -> Scene {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    std::fs::write(&path, text).unwrap();
+    std::fs::write(folder.path().join("m.mtl"), library).unwrap();
+    read(&path)
+}
+
+/// The warnings, with the names of files but without their folders.
+fn warnings(scene: &Scene) -> Vec<String> {
+    let warnings = scene.notes.iter().filter(|note| note.warning);
+    warnings
+        .map(|note| {
+            let place = note.place.rsplit('/').next().unwrap();
+            format!("{place}: {}", note.text)
+        })
+        .collect()
+}
+
+/// The diffuse colour of a shape that is matte.
+fn kd(scene: &Scene, shape: usize) -> Texture {
+    match &scene.materials[scene.shapes[shape].material as usize] {
+        Material::Matte { kd, .. } => Texture::clone(kd),
+        other => panic!("{other:?}"),
+    }
+}
+
+fn color(scene: &Scene, shape: usize) -> [f32; 3] {
+    match kd(scene, shape) {
+        Texture::Constant(color) => color,
+        other => panic!("{other:?}"),
+    }
+}
+
+const SQUARE: &str = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\n";
+
+#[test]
+fn faces_of_an_obj_before_any_material_are_grey() {
+    let faces = "mtllib m.mtl\nf 1 2 3\nusemtl red\nf 1 3 4\nusemtl\nf 2 3 4\n";
+    let scene = obj(&format!("{SQUARE}{faces}"), "newmtl red\nKd 1 0 0\n");
+    let colors = [0, 1, 2].map(|shape| color(&scene, shape));
+    assert_eq!(colors, [[0.6; 3], [1.0, 0.0, 0.0], [0.6; 3]]);
+    assert_eq!(warnings(&scene), [""; 0]);
+}
+
+#[test]
+fn faces_of_an_obj_keep_the_normals_and_coordinates_that_they_have() {
+    let faces = "f 1/1/1 2/2/1 3/3/1\nf 1//1 3//1 4//1\nf 1 2 4\ng next\nf 4/1 2/2 3/3\nf 1/1 2 3/3\n\
+                 f 4/3 3/2 2/1\n";
+    let scene = obj(&format!("{SQUARE}{faces}"), "");
+    let has: Vec<(bool, bool)> = scene
+        .shapes
+        .iter()
+        .map(|shape| (shape.has_normals, shape.has_uvs))
+        .collect();
+    let expected = [
+        (true, true),
+        (true, false),
+        (false, false),
+        (false, true),
+        (false, false),
+        (false, true),
+    ];
+    assert_eq!(has, expected);
+    // Triangles are in the order of the file, and each vertex has what its face says.
+    let corner = |triangle: usize, corner: usize| {
+        let vertex = scene.mesh.triangles()[triangle][corner] as usize;
+        (scene.mesh.positions()[vertex], scene.uvs[vertex])
+    };
+    assert_eq!(corner(0, 2), ([1.0, 1.0, 0.0], [1.0, 1.0]));
+    assert_eq!(corner(3, 0), ([0.0, 1.0, 0.0], [0.0, 0.0]));
+    assert_eq!(corner(5, 0), ([0.0, 1.0, 0.0], [1.0, 1.0]));
+    assert_eq!(
+        scene.normals[scene.mesh.triangles()[1][2] as usize],
+        [0.0, 0.0, 1.0]
+    );
+    let told = "a.obj: faces that have normals or texture coordinates at some of their vertices \
+                alone are rendered without: 1";
+    assert_eq!(warnings(&scene), [told]);
+}
+
+#[test]
+fn maps_of_an_mtl_have_options_and_then_a_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    let image = folder.path().join("my tex 2.png");
+    image::RgbImage::from_pixel(2, 2, image::Rgb([255; 3]))
+        .save(&image)
+        .unwrap();
+    let faces = "mtllib m.mtl\nusemtl a\nf 1/1 2/2 3/3\n";
+    std::fs::write(&path, format!("{SQUARE}{faces}")).unwrap();
+    for (map, scale, shift, told) in [
+        ("map_Kd my tex 2.png", [1.0; 2], [0.0; 2], None),
+        (
+            "map_Kd\t-bm 0.5 -clamp off my tex 2.png  ",
+            [1.0; 2],
+            [0.0; 2],
+            None,
+        ),
+        (
+            "map_Kd -s 2 3 1 -o .5 my tex 2.png",
+            [2.0, 3.0],
+            [0.5, 0.0],
+            None,
+        ),
+        (
+            "map_Kd -clamp on -mm 0 1 my tex 2.png",
+            [1.0; 2],
+            [0.0; 2],
+            Some(
+                "m.mtl:3: \"map_Kd -clamp on\" of the material \"a\" is not supported; rendered without",
+            ),
+        ),
+    ] {
+        let library = format!("newmtl a\nKd 1 1 1\n{map}\n");
+        std::fs::write(folder.path().join("m.mtl"), library).unwrap();
+        let scene = read(&path);
+        assert_eq!(scene.contents.images, [image.clone()], "{map}");
+        assert_eq!(warnings(&scene), Vec::from_iter(told), "{map}");
+        let Texture::Scale(_, texture) = kd(&scene, 0) else {
+            panic!("{map}")
+        };
+        let Texture::Image { mapping, .. } = *texture else {
+            panic!("{map}")
+        };
+        assert_eq!(mapping, Mapping::Uv { scale, shift }, "{map}");
+    }
+}
+
+#[test]
+fn what_of_an_obj_and_its_library_is_left_out_is_told() {
+    let faces = "usemtl b\nf 1 2 3\nusemtl c\nf 1 3 4\nf 1 2\nf 1\nl 1 2 3 4\np 1\n";
+    let scene = obj(&format!("{SQUARE}{faces}"), "");
+    assert_eq!(scene.mesh.triangles().len(), 2);
+    let short = "a.obj: 2 faces have fewer than three vertices; left out";
+    let others = "a.obj: points, lines, curves and surfaces are not supported; left out: 2";
+    let absent = "a.obj:9: no library (mtllib) has the material \"b\" and 1 more; rendered grey";
+    assert_eq!(warnings(&scene), [others, absent, short]);
+
+    // What changes nothing, and materials that are not used, are not worth a word.
+    let library = "newmtl b\nKa 1 1 1\nmap_Ka x.png\nTf 1 1 1\nPm 0\nd 1\nTr 0.5\nbump -bm 2 x.png\n\
+                   newmtl unused\nnorm x.png\nnewmtl d\nPr 0\n\nbump y.png\n";
+    let faces = faces
+        .replace("usemtl c", "usemtl d")
+        .replace("f 1 2\nf 1\nl 1 2 3 4\np 1\n", "");
+    let scene = obj(&format!("mtllib m.mtl\n{SQUARE}{faces}"), library);
+    let bump =
+        "m.mtl:8: \"bump\" of the material \"b\" and 1 more is not supported; rendered without";
+    let rough = "m.mtl:12: \"Pr\" of the material \"d\" is not supported; rendered without";
+    assert_eq!(warnings(&scene), [rough, bump]);
+    let scene = obj(&format!("v 0 0 0 1 0 0\n{SQUARE}f 1 3 4\n"), "");
+    let colors = "a.obj: colours of vertices are not supported in OBJ; rendered without";
+    assert_eq!(warnings(&scene), [colors]);
+}
+
+#[test]
+fn all_that_an_obj_may_say_is_understood() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.obj");
+    for (file, name, color) in [("m.mtl", "red", "1 0 0"), ("n o.mtl", "deep blue", "0 0 1")] {
+        let library = format!("newmtl\t{name}\r\nKd \\\r\n {color} # a comment\r\n");
+        std::fs::write(folder.path().join(file), library).unwrap();
+    }
+    std::fs::write(folder.path().join("o.mtl"), "newmtl green\nKd 0 1 0\n").unwrap();
+    let text = "# C:\\scenes\\\nmtllib\tm.mtl o.mtl\nmtllib n o.mtl\nv 0 0 \\\n0\nv 1 0 0 # here\n\
+                v 2 2 0 2\nusemtl\tred\nf 1 \\\n  2 \\\n3 # and here\nusemtl deep blue\nf 1 2 3\n\
+                usemtl green\nf 1 2 3\n# \u{e9}\n";
+    // A comment need not be UTF-8.
+    let bytes: Vec<u8> = text.chars().map(|c| c as u8).collect();
+    std::fs::write(&path, bytes).unwrap();
+    let scene = read(&path);
+    assert_eq!(warnings(&scene), [""; 0]);
+    assert_eq!(scene.mesh.bounds().max, [1.0, 1.0, 0.0]);
+    let colors = [0, 1, 2].map(|shape| color(&scene, shape));
+    let expected = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]];
+    assert_eq!(colors, expected);
+}
+
+#[test]
+fn what_is_wrong_with_an_mtl_is_told_with_its_line() {
+    let text = format!("mtllib m.mtl\n{SQUARE}usemtl a\nf 1 2 3\n");
+    for (wrong, message) in [
+        (
+            "Kd 1 x 1",
+            "line 4: Kd takes one or three numbers; \"x\" is none",
+        ),
+        ("Ks .1 .2", "line 4: Ks takes one or three numbers"),
+        ("Ns", "line 4: Ns takes a number"),
+        ("newmtl", "line 4: newmtl gives no name"),
+        ("map_Kd -s 1 1 1", "line 4: map_Kd names no image"),
+        (
+            "map_d -s x a.png",
+            "line 4: -s takes a number; \"x\" is none",
+        ),
+    ] {
+        let scene = obj(&text, &format!("newmtl a\nd \\\n1\n{wrong}\n"));
+        let told =
+            format!("a.obj: the materials of \"m.mtl\" cannot be read ({message}); rendered grey");
+        assert_eq!(warnings(&scene), [told]);
+    }
 }
 
 #[test]

@@ -1,20 +1,22 @@
 //! A mesh file as a scene: PLY, OBJ or STL, with a camera and light that suit it.
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::Cursor;
 use std::path::Path;
 
 use glam::DVec3;
 
-use super::geometry::{Geometry, Placed, runs};
-use super::image_file::{Channels, Decoding, Images};
-use super::light::AreaLight;
+use super::geometry::{Geometry, Placed};
+use super::image_file::Images;
 use super::material::Material;
+use super::mtl_file::{self, Mtl};
+use super::obj_file::{Named, numbers, obj};
+use super::pbrt::{shortened, shortened_to};
 use super::polygon::Faces;
-use super::texture::{ImageFilter, Mapping, Texture, TextureRef, Wrap};
+use super::texture::{Texture, TextureRef};
 use super::view::{self, Up};
 use super::{Contents, Note, Scene, ply};
-use crate::error::SceneError;
+use crate::error::{SceneError, place};
 
 /// The endings of the files that can be read, in lower case.
 pub(crate) const ENDINGS: &[&str] = &[".ply", ".ply.gz", ".obj", ".stl"];
@@ -145,372 +147,124 @@ fn obj_scene(file: &str, path: &Path, bytes: &[u8]) -> Result<Found, SceneError>
         faces: mesh.faces,
         ..Found::default()
     };
-    let warn = |found: &mut Found, text: String| {
-        if found.notes.iter().all(|note| note.text != text) {
-            found.notes.push(Note {
-                place: file.to_owned(),
-                text,
-                warning: true,
-            });
-        }
+    let mut warn = |place: String, text: String| {
+        found.notes.push(Note {
+            place,
+            text,
+            warning: true,
+        });
     };
-    let mut library: HashMap<String, tobj::Material> = HashMap::new();
-    for line in bytes.split(|&b| b == b'\n') {
-        let Some(name) = line.trim_ascii().strip_prefix(b"mtllib ") else {
-            continue;
-        };
-        let name = String::from_utf8_lossy(name.trim_ascii()).replace('\\', "/");
-        match materials_of(&folder.join(&name)) {
-            Ok(materials) => {
-                library.extend(materials.into_iter().map(|m| (m.name.clone(), m)));
-            }
-            Err(error) => warn(
-                &mut found,
-                format!("the materials of \"{name}\" cannot be read ({error}); rendered grey"),
-            ),
+    if mesh.others > 0 {
+        let text = "points, lines, curves and surfaces are not supported; left out";
+        warn(file.to_owned(), format!("{text}: {}", mesh.others));
+    }
+    if mesh.uneven > 0 {
+        let text = "faces that have normals or texture coordinates at some of their vertices alone \
+                    are rendered without";
+        warn(file.to_owned(), format!("{text}: {}", mesh.uneven));
+    }
+    if mesh.colored {
+        let text = "colours of vertices are not supported in OBJ; rendered without";
+        warn(file.to_owned(), text.to_owned());
+    }
+    let mut libraries: Vec<String> = Vec::new();
+    for name in mesh.libraries.iter().flat_map(|line| files(folder, line)) {
+        if !libraries.contains(&name) {
+            libraries.push(name);
         }
     }
+    // Each material with its library.
+    let mut known: HashMap<String, (&str, Mtl)> = HashMap::new();
+    let mut all_read = true;
+    for library in &libraries {
+        match mtl_file::read(&folder.join(library)) {
+            Ok(materials) => {
+                let with_library = |(name, mtl)| (name, (library.as_str(), mtl));
+                known.extend(materials.into_iter().map(with_library));
+            }
+            Err(error) => {
+                all_read = false;
+                let name = shortened_to(library, 200);
+                warn(
+                    file.to_owned(),
+                    format!("the materials of \"{name}\" cannot be read ({error}); rendered grey"),
+                );
+            }
+        }
+    }
+    let mut unknown = Vec::new();
+    // By library and what it says: the materials, and the first line.
+    let mut unsupported: BTreeMap<(&str, &str), (Vec<&str>, u32)> = BTreeMap::new();
     let mut emitted = Vec::new();
     let mut alphas = Vec::new();
-    for name in &mesh.material_names {
-        let (material, light, alpha) = match library.get(name) {
-            Some(material) => {
+    for Named { name, line } in &mesh.materials {
+        let (material, light, alpha) = match known.get(name) {
+            Some((library, mtl)) => {
                 found.contents.count("material", "MTL");
-                mtl(material, folder, &mut found)
+                for (line, key) in mtl.unsupported() {
+                    let new = || (Vec::new(), *line);
+                    let entry = unsupported.entry((library, key)).or_insert_with(new);
+                    entry.0.push(name.as_str());
+                    entry.1 = entry.1.min(*line);
+                }
+                mtl.made(folder, &mut found.images)
             }
-            None => (view::matte([0.6; 3]), None, None),
+            None => {
+                unknown.push((name.as_str(), *line));
+                (view::matte([0.6; 3]), None, None)
+            }
         };
         found.materials.push(material);
         emitted.push(light);
         alphas.push(alpha);
     }
-    if found.materials.is_empty() {
+    // Where a library cannot be read, that is all there is to say.
+    if let (Some((_, line)), true) = (unknown.first(), all_read) {
+        let names: Vec<&str> = unknown.iter().map(|(name, _)| *name).collect();
+        let text = format!("no library (mtllib) has {}; rendered grey", listed(&names));
+        warn(place(file, *line, 0), text);
+    }
+    for ((library, key), (names, line)) in &unsupported {
+        let library = folder.join(library).display().to_string();
+        let text = format!(
+            "\"{key}\" of {} is not supported; rendered without",
+            listed(names)
+        );
+        warn(place(&library, *line, 0), text);
+    }
+    // Faces before the first `usemtl`.
+    let default = found.materials.len() as u32;
+    if mesh.parts.iter().any(|part| part.material.is_none()) {
         found.materials.push(view::matte([0.6; 3]));
     }
-    for (material, own) in runs(&mesh.geometry, &mesh.materials) {
-        let number = material as usize;
-        let mut piece = Placed::plain(own, material.min(found.materials.len() as u32 - 1));
-        piece.area_light = emitted.get(number).cloned().flatten();
-        piece.alpha = alphas.get(number).cloned().flatten();
+    for part in mesh.parts {
+        let material = part.material.unwrap_or(default);
+        let mut piece = Placed::plain(part.geometry, material);
+        piece.area_light = emitted.get(material as usize).cloned().flatten();
+        piece.alpha = alphas.get(material as usize).cloned().flatten();
         found.pieces.push(piece);
     }
     Ok(found)
 }
 
-/// The materials of an OBJ's library file. A colour may be given by its red alone, which is then its
-/// green and blue too; the crate that reads the rest would panic.
-fn materials_of(path: &Path) -> Result<Vec<tobj::Material>, String> {
-    let bytes = std::fs::read(path).map_err(|error| error.to_string())?;
-    let mut text = String::with_capacity(bytes.len());
-    for (number, line) in String::from_utf8_lossy(&bytes).lines().enumerate() {
-        let mut words = line.split_whitespace();
-        text.push_str(line);
-        if let Some(color @ ("Ka" | "Kd" | "Ks" | "Ke")) = words.next() {
-            match (words.next(), words.next(), words.next()) {
-                (Some(red), None, None) => text.push_str(&format!(" {red} {red}")),
-                (Some(_), Some(_), Some(_)) => {}
-                _ => {
-                    return Err(format!(
-                        "line {}: {color} takes one or three numbers",
-                        number + 1
-                    ));
-                }
-            }
-        }
-        text.push('\n');
-    }
-    match tobj::load_mtl_buf(&mut Cursor::new(text)) {
-        Ok((materials, _)) => Ok(materials),
-        Err(error) => Err(error.to_string()),
+fn listed(materials: &[&str]) -> String {
+    let first = shortened(materials.first().unwrap_or(&""));
+    match materials.len() {
+        0 | 1 => format!("the material \"{first}\""),
+        count => format!("the material \"{first}\" and {} more", count - 1),
     }
 }
 
-type Made = (Material, Option<AreaLight>, Option<TextureRef>);
-
-/// A material of an OBJ's library, the light that it gives off, and where it is not there.
-fn mtl(m: &tobj::Material, folder: &Path, found: &mut Found) -> Made {
-    let mut image = |name: &str, channels: Channels| -> TextureRef {
-        // Options such as -bm come before the name.
-        let name = name.rsplit(' ').next().unwrap_or(name).replace('\\', "/");
-        let decoding = Decoding {
-            srgb: channels == Channels::Color,
-            channels,
-            wrap: Wrap::Repeat,
-        };
-        TextureRef::new(Texture::Image {
-            image: found.images.get(&folder.join(name), decoding),
-            mapping: Mapping::IDENTITY,
-            filter: ImageFilter::DEFAULT,
-            scale: 1.0,
-        })
-    };
-    // A factor of zero beside a map is a mistake of the file's writer.
-    let diffuse = m.diffuse.unwrap_or([0.6; 3]);
-    let kd = match &m.diffuse_texture {
-        Some(name) => {
-            let factor = if diffuse == [0.0; 3] {
-                [1.0; 3]
-            } else {
-                diffuse
-            };
-            TextureRef::new(Texture::Scale(
-                view::color(factor),
-                image(name, Channels::Color),
-            ))
-        }
-        None => view::color(diffuse),
-    };
-    let alpha = m.dissolve_texture.as_ref().map(|name| {
-        TextureRef::new(Texture::AtLeast {
-            texture: image(name, Channels::Luminance),
-            threshold: 0.5,
-        })
-    });
-    let specular = m.specular.unwrap_or([0.0; 3]);
-    let width = (2.0 / (m.shininess.unwrap_or(10.0).max(0.0) + 2.0)).sqrt();
-    let roughness = || [view::color([width; 3]), view::color([width; 3])];
-    let opacity = m.dissolve.unwrap_or(1.0);
-    let model = m.illumination_model.unwrap_or(2);
-    let index = m.optical_density.filter(|&n| n > 1.0).unwrap_or(1.5);
-    let material = if opacity < 1.0 && matches!(model, 4 | 6 | 7 | 9) {
-        Material::Glass {
-            kr: view::color([1.0; 3]),
-            kt: view::color([1.0; 3]),
-            eta: view::color([index; 3]),
-            roughness: [view::color([0.0; 3]), view::color([0.0; 3])],
-            remap_roughness: false,
-        }
-    } else if opacity < 1.0 {
-        Material::Uber {
-            kd,
-            ks: view::color(specular),
-            kr: view::color([0.0; 3]),
-            kt: view::color([0.0; 3]),
-            roughness: roughness(),
-            opacity: view::color([opacity; 3]),
-            eta: view::color([index; 3]),
-            remap_roughness: false,
-        }
-    } else if specular == [0.0; 3] || model < 2 {
-        Material::Matte {
-            kd,
-            sigma: view::color([0.0; 3]),
-        }
-    } else {
-        Material::Substrate {
-            kd,
-            ks: view::color(specular),
-            roughness: roughness(),
-            remap_roughness: false,
-        }
-    };
-    let light = match m.emissive {
-        Some([r, g, b]) if r.max(g).max(b) > 0.0 && (r + g + b).is_finite() => Some(AreaLight {
-            radiance: [r, g, b].map(|c| c.max(0.0)),
-            two_sided: false,
-            after: 0,
-        }),
-        _ => None,
-    };
-    (material, light, alpha)
-}
-
-/// What an OBJ file holds.
-#[derive(Debug, Default)]
-pub(crate) struct ObjMesh {
-    pub(crate) geometry: Geometry,
-    /// The names of its materials, in the order of their first use.
-    pub(crate) material_names: Vec<String>,
-    /// Per triangle, an index into the names.
-    pub(crate) materials: Vec<u32>,
-    pub(crate) faces: Faces,
-}
-
-/// Refuses what is no number, and faces that name a vertex, a texture coordinate or a normal that is
-/// not there, with the line. The crate that reads the file does not say where, calculates with what
-/// they say, and may overflow.
-fn check_lines(name: &str, bytes: &[u8]) -> Result<(), SceneError> {
-    const KINDS: [&str; 3] = ["vertex", "texture coordinate", "normal"];
-    let wrong = |line: usize, message: String| SceneError {
-        line: u32::try_from(line + 1).unwrap_or(0),
-        ..SceneError::file(name, message)
-    };
-    let mut counts = [0_i64; 3];
-    // Of each kind, the first index that counts back too far, and the greatest, which may stand
-    // before what it names; with their lines.
-    let mut before: [Option<(i64, i64, usize)>; 3] = [None; 3];
-    let mut greatest = [(0_i64, 0_usize); 3];
-    for (number, line) in bytes.split(|&b| b == b'\n').enumerate() {
-        // The crate refuses what is not UTF-8.
-        let mut words = std::str::from_utf8(line)
-            .unwrap_or_default()
-            .split_whitespace();
-        let (kind, numbers) = match words.next() {
-            Some("v") => (0, 3),
-            Some("vt") => (1, 2),
-            Some("vn") => (2, 3),
-            Some("f" | "l") => {
-                // What has one corner or two is left out.
-                let is_face = words.clone().nth(2).is_some();
-                for (kind, index) in words.flat_map(|corner| corner.split('/').take(3).enumerate())
-                {
-                    let index = match index.parse::<i64>() {
-                        Ok(index) if is_face => index,
-                        Err(_) if !index.is_empty() => {
-                            let what = KINDS[kind];
-                            let message = format!("{what} \"{index}\": it is named by its number");
-                            return Err(wrong(number, message));
-                        }
-                        _ => continue,
-                    };
-                    // Of the other kinds 0 is none, as if it were not given.
-                    let is_before = index < 0 && index + counts[kind] < 0;
-                    if is_before || (index == 0 && kind == 0) {
-                        before[kind].get_or_insert((index, counts[kind], number));
-                    }
-                    if index > greatest[kind].0 {
-                        greatest[kind] = (index, number);
-                    }
-                }
-                continue;
-            }
-            _ => continue,
-        };
-        counts[kind] += 1;
-        let what = KINDS[kind];
-        let message = match numbers_in(words, numbers) {
-            Ok(()) => continue,
-            Err(Some(word)) => format!("a {what} has {numbers} numbers; \"{word}\" is none"),
-            Err(None) => format!("a {what} has {numbers} numbers; here are fewer"),
-        };
-        return Err(wrong(number, message));
+/// The files that a line names: what it says as a whole, where that is a file or where none of its
+/// words is; else its words.
+fn files(folder: &Path, line: &str) -> Vec<String> {
+    let is_file = |name: &str| folder.join(name).is_file();
+    let line = line.replace('\\', "/");
+    let words: Vec<String> = line.split_whitespace().map(str::to_owned).collect();
+    if is_file(&line) || !words.iter().any(|word| is_file(word)) {
+        return vec![line];
     }
-    for (kind, what) in KINDS.iter().enumerate() {
-        let count = counts[kind];
-        // Without any texture coordinates or normals, their indices say nothing.
-        if count == 0 && kind > 0 {
-            continue;
-        }
-        let (line, message) = match (before[kind], greatest[kind]) {
-            (Some((0, _, line)), _) => (line, format!("{what} 0: they are counted from 1")),
-            (Some((index, so_far, line)), _) => (
-                line,
-                format!("{what} {index}, but only {so_far} come before it"),
-            ),
-            (None, (index, line)) if index > count => (line, format!("{what} {index} of {count}")),
-            _ => continue,
-        };
-        return Err(wrong(line, message));
-    }
-    Ok(())
-}
-
-/// Whether so many words are numbers; else the first one that is none, where there are so many.
-fn numbers_in<'a>(
-    words: impl Iterator<Item = &'a str>,
-    count: usize,
-) -> Result<(), Option<&'a str>> {
-    let mut found = 0;
-    for word in words.take(count) {
-        word.parse::<f32>().map_err(|_| Some(word))?;
-        found += 1;
-    }
-    if found < count { Err(None) } else { Ok(()) }
-}
-
-/// Reads the content of an OBJ file, which messages call `name`.
-pub(crate) fn obj(name: &str, bytes: &[u8]) -> Result<ObjMesh, SceneError> {
-    check_lines(name, bytes)?;
-    let mut mesh = ObjMesh::default();
-    for line in bytes.split(|&b| b == b'\n') {
-        let line = line.trim_ascii();
-        if let Some(material) = line.strip_prefix(b"usemtl ") {
-            let material = String::from_utf8_lossy(material.trim_ascii()).into_owned();
-            if !mesh.material_names.contains(&material) {
-                mesh.material_names.push(material);
-            }
-        }
-    }
-    let numbers: HashMap<String, usize> = mesh
-        .material_names
-        .iter()
-        .enumerate()
-        .map(|(i, name)| (name.clone(), i))
-        .collect();
-    let options = tobj::LoadOptions {
-        single_index: true,
-        ignore_points: true,
-        ignore_lines: true,
-        ..tobj::LoadOptions::default()
-    };
-    // Materials are told apart by their names alone: the library files are not read.
-    let (models, _) = tobj::load_obj_buf(&mut Cursor::new(bytes), &options, |_| {
-        let named = |name: &String| tobj::Material {
-            name: name.clone(),
-            ..Default::default()
-        };
-        let numbers = numbers.iter().map(|(name, &i)| (name.clone(), i)).collect();
-        Ok((mesh.material_names.iter().map(named).collect(), numbers))
-    })
-    .map_err(|error| {
-        SceneError::file(name, format!("not an OBJ file that can be read: {error}"))
-    })?;
-    let g = &mut mesh.geometry;
-    let whole = |list: &[f32], per_vertex: usize, vertices: usize| {
-        !list.is_empty() && list.len() == per_vertex * vertices
-    };
-    let all = |per_vertex: usize, list: fn(&tobj::Mesh) -> &Vec<f32>| {
-        models
-            .iter()
-            .all(|m| whole(list(&m.mesh), per_vertex, m.mesh.positions.len() / 3))
-    };
-    let has_normals = all(3, |mesh| &mesh.normals);
-    let has_uvs = all(2, |mesh| &mesh.texcoords);
-    for model in &models {
-        let part = &model.mesh;
-        let base = u32::try_from(g.positions.len()).unwrap_or(u32::MAX);
-        g.positions
-            .extend(part.positions.chunks_exact(3).map(|p| [p[0], p[1], p[2]]));
-        if has_normals {
-            g.normals
-                .extend(part.normals.chunks_exact(3).map(|n| [n[0], n[1], n[2]]));
-        }
-        if has_uvs {
-            g.uvs
-                .extend(part.texcoords.chunks_exact(2).map(|t| [t[0], t[1]]));
-        }
-        let mut rest = part.indices.as_slice();
-        let arities = part.face_arities.iter().map(|&arity| arity as usize);
-        let triangles = std::iter::repeat_n(3, part.indices.len() / 3);
-        let arities: Vec<usize> = if part.face_arities.is_empty() {
-            triangles.collect()
-        } else {
-            arities.collect()
-        };
-        for arity in arities {
-            let Some((face, after)) = rest.split_at_checked(arity) else {
-                break;
-            };
-            rest = after;
-            let face: Vec<u32> = face
-                .iter()
-                .map(|&index| base.saturating_add(index))
-                .collect();
-            if face
-                .iter()
-                .any(|&index| index as usize >= g.positions.len())
-            {
-                return Err(SceneError::file(
-                    name,
-                    "a face names a vertex that is not there",
-                ));
-            }
-            (mesh.faces).add(&g.positions, &face, &mut g.triangles);
-        }
-        let material = part.material_id.unwrap_or(0) as u32;
-        mesh.materials.resize(g.triangles.len(), material);
-    }
-    Ok(mesh)
+    words
 }
 
 /// Reads the content of an STL file, ASCII or binary, which messages call `name`.
@@ -552,7 +306,7 @@ fn wrong_in_stl(bytes: &[u8]) -> Option<(u32, String)> {
             .find_map(|(line, at)| {
                 let line = String::from_utf8_lossy(line);
                 let mut words = line.split_whitespace();
-                let numbers = match words.next()? {
+                let given = match words.next()? {
                     "vertex" => words,
                     "facet" => {
                         words.next();
@@ -560,8 +314,8 @@ fn wrong_in_stl(bytes: &[u8]) -> Option<(u32, String)> {
                     }
                     _ => return None,
                 };
-                match numbers_in(numbers, 3) {
-                    Ok(()) => None,
+                match numbers::<3>(given) {
+                    Ok(_) => None,
                     Err(Some(word)) => Some((at, format!("\"{word}\" is no number"))),
                     Err(None) => Some((at, "three numbers are missing".to_owned())),
                 }

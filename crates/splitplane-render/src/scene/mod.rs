@@ -12,6 +12,8 @@ mod geometry;
 mod gltf_file;
 mod image_file;
 mod mesh_file;
+mod mtl_file;
+mod obj_file;
 mod pbrt;
 mod ply;
 mod polygon;

@@ -23,6 +23,11 @@ impl Faces {
         self.concave += usize::from(triangulate(positions, polygon, triangles));
     }
 
+    /// Counts a face of fewer than three vertices without looking at them.
+    pub(crate) fn leave_out(&mut self) {
+        self.short += 1;
+    }
+
     /// What is to be said of them.
     pub(crate) fn notes(&self, place: &str) -> impl Iterator<Item = Note> {
         let note = |count: usize, one: &str, many: &str, warning: bool| {

@@ -80,7 +80,8 @@ mod tests {
     use std::io::Write;
 
     use super::*;
-    use crate::scene::mesh_file::obj;
+    use crate::scene::geometry::Geometry;
+    use crate::scene::obj_file::obj;
 
     /// Makes `scenes/truck.ply.gz` of the original, which `TRUCK_OBJ` names:
     /// `TRUCK_OBJ=peterbilt.obj cargo test -p splitplane-render convert -- --ignored`
@@ -89,27 +90,36 @@ mod tests {
     fn convert_the_original() {
         let path = std::env::var("TRUCK_OBJ").expect("TRUCK_OBJ names the original file");
         let mesh = obj(&path, &std::fs::read(&path).unwrap()).unwrap();
-        assert_eq!(mesh.material_names, NAMES);
-        let g = &mesh.geometry;
+        let names: Vec<&str> = mesh.materials.iter().map(|m| m.name.as_str()).collect();
+        assert_eq!(names, NAMES);
+        let count = |of: fn(&Geometry) -> usize| -> usize {
+            mesh.parts.iter().map(|part| of(&part.geometry)).sum()
+        };
         let mut text = format!(
             "ply\nformat binary_little_endian 1.0\n\
              comment Public domain (CC0 1.0); see truck-LICENSE.md\n\
              element vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
              element face {}\nproperty list uchar int vertex_indices\nproperty uchar material\n\
              end_header\n",
-            g.positions.len(),
-            g.triangles.len()
+            count(|g| g.positions.len()),
+            count(|g| g.triangles.len())
         )
         .into_bytes();
-        for c in g.positions.iter().flatten() {
-            text.extend(c.to_le_bytes());
+        for part in &mesh.parts {
+            for c in part.geometry.positions.iter().flatten() {
+                text.extend(c.to_le_bytes());
+            }
         }
-        for (triangle, material) in g.triangles.iter().zip(&mesh.materials) {
-            text.push(3);
-            triangle
-                .iter()
-                .for_each(|index| text.extend(index.to_le_bytes()));
-            text.push(*material as u8);
+        let mut base = 0;
+        for part in &mesh.parts {
+            for triangle in &part.geometry.triangles {
+                text.push(3);
+                for index in triangle {
+                    text.extend((base + index).to_le_bytes());
+                }
+                text.push(part.material.expect("the file names all materials") as u8);
+            }
+            base += part.geometry.positions.len() as u32;
         }
         let mut packed = flate2::GzBuilder::new().write(Vec::new(), flate2::Compression::best());
         packed.write_all(&text).unwrap();
