@@ -118,6 +118,69 @@ fn gltf_emits_and_is_cut_out() {
 }
 
 #[test]
+fn what_of_a_gltf_is_not_used_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.gltf");
+    let nodes = r#"[{"children":[1,2,3]},{"mesh":0},{"camera":0},
+        {"extensions":{"KHR_lights_punctual":{"light":0}}}]"#;
+    let good = gltf(nodes, "{}");
+    let camera =
+        r#"{"type":"perspective","perspective":{"yfov":0.5,"aspectRatio":2.0,"znear":0.1}}"#;
+    assert!(good.contains(camera));
+    let ends = |x: f32, y: f32, near: f32, far: f32| {
+        let orthographic = format!(r#"{{"xmag":{x},"ymag":{y},"znear":{near},"zfar":{far}}}"#);
+        good.replace(
+            camera,
+            &format!(r#"{{"type":"orthographic","orthographic":{orthographic}}}"#),
+        )
+    };
+    let unusable = "a camera cannot be used (its field of view or extent is none, or zfar lies \
+                    before znear); one was chosen to suit the scene";
+    for (text, told) in [
+        (good.clone(), None),
+        (ends(2.0, 1.0, 0.0, 9.0), None),
+        (ends(2.0, 0.0, 0.0, 9.0), Some(unusable)),
+        (ends(2.0, 1.0, 9.0, 1.0), Some(unusable)),
+        (good.replace("\"yfov\":0.5", "\"yfov\":0"), Some(unusable)),
+        (
+            good.replace(
+                "[\"KHR_lights_punctual\"]",
+                "[\"KHR_lights_punctual\",\"EXT_mesh_gpu_instancing\"]",
+            ),
+            Some("the extension EXT_mesh_gpu_instancing is not supported; rendered without"),
+        ),
+        (
+            good.replace("\"scene\":0,", "")
+                .replace("[{\"nodes\":[0]}]", "[{\"nodes\":[0]},{\"nodes\":[]}]"),
+            Some("of 2 scenes none is the default; the first is taken"),
+        ),
+    ] {
+        std::fs::write(&path, &text).unwrap();
+        let scene = read(&path);
+        let notes: Vec<&str> = scene.notes.iter().map(|note| note.text.as_str()).collect();
+        assert_eq!(notes, Vec::from_iter(told), "{text}");
+    }
+}
+
+#[test]
+fn a_scene_without_anything_to_see_says_so() {
+    let told = "there is nothing to see: all triangles are without area or not finite";
+    let flat = obj("v 0 0 0\nv 1 0 0\nf 1 2 2\n", "");
+    assert_eq!(warnings(&flat), [format!("a.obj: {told}")]);
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.pbrt");
+    let shape = "Shape \"trianglemesh\" \"integer indices\" [0 1 0] \"point P\" [0 0 0 1 0 0]";
+    for (object, instance) in [
+        ("", ""),
+        ("ObjectBegin \"o\"", "ObjectEnd ObjectInstance \"o\""),
+    ] {
+        let text = format!("WorldBegin {object} {shape} {instance} WorldEnd");
+        std::fs::write(&path, text).unwrap();
+        assert!(warnings(&read(&path)).contains(&format!("a.pbrt: {told}")));
+    }
+}
+
+#[test]
 fn a_gltf_that_lies_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("bad.gltf");
@@ -133,7 +196,10 @@ fn a_gltf_that_lies_is_refused() {
         ),
         good.replace("base64,", "base64,!"),
         good.replace("data:application/octet-stream;base64,", "gone.bin?"),
+        // A vertex is not a number.
+        good.replace("base64,AACAvwAAgL8", "base64,AADA/wAAgL8"),
     ] {
+        assert_ne!(bad, good);
         std::fs::write(&path, bad).unwrap();
         let error = load(&path.to_string_lossy(), &LoadOptions::default()).unwrap_err();
         assert!(error.file.ends_with("bad.gltf"), "{error}");
@@ -304,7 +370,7 @@ fn maps_of_an_mtl_have_options_and_then_a_name() {
         let library = format!("newmtl a\nKd 1 1 1\n{map}\n");
         std::fs::write(folder.path().join("m.mtl"), library).unwrap();
         let scene = read(&path);
-        assert_eq!(scene.contents.images, [image.clone()], "{map}");
+        assert_eq!(scene.contents.images, std::slice::from_ref(&image), "{map}");
         assert_eq!(warnings(&scene), Vec::from_iter(told), "{map}");
         let Texture::Scale(_, texture) = kd(&scene, 0) else {
             panic!("{map}")

@@ -49,7 +49,7 @@ fn lines(scene: &Scene) -> Vec<String> {
     lines.push(triangles);
     let bounds = scene.bounds();
     let point = |p: [f32; 3]| format!("({})", p.map(|c| c.to_string()).join(", "));
-    if total > 0 {
+    if !bounds.is_empty() {
         lines.push(format!(
             "bounds: {} to {}",
             point(bounds.min),

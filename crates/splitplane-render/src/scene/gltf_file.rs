@@ -14,6 +14,7 @@ use super::geometry::{Geometry, LocalSurface, Notes, Placed};
 use super::image_file::{Channels, Decoding, Images};
 use super::light::{AreaLight, Light};
 use super::material::Material;
+use super::pbrt::shortened;
 use super::texture::{ImageFilter, Mapping, Texture, TextureRef, Wrap};
 use super::view::{self, Up, color};
 use super::{Contents, Scene};
@@ -26,6 +27,14 @@ pub(crate) fn is_gltf(path: &Path) -> bool {
     path.extension()
         .is_some_and(|end| end.eq_ignore_ascii_case("gltf") || end.eq_ignore_ascii_case("glb"))
 }
+
+/// The extensions that are understood.
+const EXTENSIONS: [&str; 4] = [
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_transmission",
+];
 
 /// Nodes inside each other at most.
 const DEEPEST: usize = 256;
@@ -43,6 +52,8 @@ struct Reader<'a> {
     pieces: Vec<Placed>,
     lights: Vec<Light>,
     camera: Option<(Camera, f32)>,
+    /// There is a camera that shows nothing.
+    unusable_camera: bool,
 }
 
 /// What a glTF material is here.
@@ -75,7 +86,16 @@ pub(crate) fn load(path: &Path, name: &str) -> Result<Scene, SceneError> {
         pieces: vec![],
         lights: vec![],
         camera: None,
+        unusable_camera: false,
     };
+    for extension in gltf.document.extensions_used() {
+        if !EXTENSIONS.contains(&extension) {
+            let extension = shortened(extension);
+            reader.warn(&format!(
+                "the extension {extension} is not supported; rendered without"
+            ));
+        }
+    }
     reader.read_buffers(gltf.blob.as_deref())?;
     let surfaces: Vec<Surface> = gltf
         .document
@@ -95,10 +115,16 @@ pub(crate) fn load(path: &Path, name: &str) -> Result<Scene, SceneError> {
             .collect();
         reader.primitives.push(read?);
     }
-    let scene = gltf
-        .document
-        .default_scene()
-        .or_else(|| gltf.document.scenes().next());
+    let scenes = gltf.document.scenes();
+    let default = gltf.document.default_scene();
+    if default.is_none() && scenes.len() > 1 {
+        let text = format!(
+            "of {} scenes none is the default; the first is taken",
+            scenes.len()
+        );
+        reader.notes.tell(file.clone(), text);
+    }
+    let scene = default.or_else(|| gltf.document.scenes().next());
     match scene {
         Some(scene) => {
             for node in scene.nodes() {
@@ -320,6 +346,9 @@ impl Reader<'_> {
             return Ok(None);
         };
         let positions: Vec<[f32; 3]> = positions.collect();
+        if !positions.iter().flatten().all(|c| c.is_finite()) {
+            return Err(self.wrong("a vertex is not finite"));
+        }
         let count = positions.len() as u32;
         let indices: Vec<u32> = match reader.read_indices() {
             Some(indices) => indices.into_u32().collect(),
@@ -480,31 +509,31 @@ impl Reader<'_> {
     fn camera(&mut self, camera: &gltf::Camera<'_>, matrix: DMat4) {
         // glTF's cameras look along -z.
         let turned = matrix * DMat4::from_scale(DVec3::new(1.0, 1.0, -1.0));
-        let Some(camera_to_world) = Transform::from_matrix(turned) else {
-            return;
-        };
         let default_aspect = view::WIDTH as f32 / view::HEIGHT as f32;
         let mut found = view::look(DVec3::ZERO, DVec3::Z, DVec3::Y, 40.0);
-        found.camera_to_world = camera_to_world;
-        let aspect = match camera.projection() {
+        let (aspect, near, far) = match camera.projection() {
             GltfProjection::Perspective(perspective) => {
                 let aspect = perspective.aspect_ratio().unwrap_or(default_aspect);
                 // Ours is along the shorter side.
                 let half = (perspective.yfov() / 2.0).tan() * aspect.min(1.0);
                 found.fov = 2.0 * half.atan().to_degrees();
-                aspect
+                (aspect, perspective.znear(), perspective.zfar())
             }
             GltfProjection::Orthographic(view) => {
                 let (x, y) = (view.xmag(), view.ymag());
                 found.projection = super::camera::Projection::Orthographic;
                 found.screen_window = Some([-x, x, -y, y]);
-                (x / y).abs()
+                ((x / y).abs(), view.znear(), Some(view.zfar()))
             }
         };
-        let usable = found.fov > 0.0 && found.fov < 180.0 && aspect > 1e-2 && aspect < 1e2;
-        if usable {
-            self.contents.count("camera", "camera");
-            self.camera = Some((found, aspect));
+        let sees = found.fov > 0.0 && found.fov < 180.0 && aspect > 1e-2 && aspect < 1e2;
+        match Transform::from_matrix(turned) {
+            Some(camera_to_world) if sees && far.is_none_or(|far| far >= near) => {
+                found.camera_to_world = camera_to_world;
+                self.contents.count("camera", "camera");
+                self.camera = Some((found, aspect));
+            }
+            _ => self.unusable_camera = true,
         }
     }
 
@@ -519,7 +548,18 @@ impl Reader<'_> {
             );
         }
         let file = self.file.clone();
-        if self.camera.is_none() || self.lights.is_empty() && !shines {
+        if self.unusable_camera {
+            let instead = match self.camera {
+                Some(_) => "another one is used",
+                None => "one was chosen to suit the scene",
+            };
+            self.warn(&format!(
+                "a camera cannot be used (its field of view or extent is none, or zfar lies before \
+                 znear); {instead}"
+            ));
+        }
+        let has_camera = self.camera.is_some() || self.unusable_camera;
+        if !has_camera || self.lights.is_empty() && !shines {
             self.notes.tell(
                 file.clone(),
                 "a camera or light that is not there was chosen to suit the scene".to_owned(),

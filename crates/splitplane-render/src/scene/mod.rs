@@ -263,21 +263,29 @@ pub enum Instancing {
 /// accepted.
 pub fn load(name_or_path: &str, options: &LoadOptions) -> Result<Scene, SceneError> {
     let search = library::search_path(&options.search);
-    match library::resolve(name_or_path, &search)? {
-        library::Resolved::BuiltIn { name, size } => library::build(name, size),
-        library::Resolved::File { path, name } if gltf_file::is_gltf(&path) => {
-            gltf_file::load(&path, &name)
-        }
-        library::Resolved::File { path, name } if mesh_file::is_mesh(&path) => {
-            mesh_file::load(&path, &name)
-        }
-        library::Resolved::File { path, name } => pbrt::load(
-            &path,
-            &name,
-            &LoadOptions {
-                search,
-                ..options.clone()
-            },
-        ),
+    let (path, name) = match library::resolve(name_or_path, &search)? {
+        library::Resolved::BuiltIn { name, size } => return library::build(name, size),
+        library::Resolved::File { path, name } => (path, name),
+    };
+    let mut scene = if gltf_file::is_gltf(&path) {
+        gltf_file::load(&path, &name)
+    } else if mesh_file::is_mesh(&path) {
+        mesh_file::load(&path, &name)
+    } else {
+        let options = LoadOptions {
+            search,
+            ..options.clone()
+        };
+        pbrt::load(&path, &name, &options)
+    }?;
+    let nothing = |mesh: &Mesh| mesh.usable_triangles().is_empty();
+    if scene.triangles() > 0 && scene.meshes().all(nothing) {
+        scene.notes.push(Note {
+            place: path.display().to_string(),
+            text: "there is nothing to see: all triangles are without area or not finite"
+                .to_owned(),
+            warning: true,
+        });
     }
+    Ok(scene)
 }
