@@ -81,18 +81,8 @@ fn every_source_that_a_comment_cites_is_in_the_references() {
         .filter_map(|line| Some(line.strip_prefix("**[")?.split(']').next()?.to_owned()))
         .collect();
     let mut cited = BTreeSet::new();
-    let mut pending = vec![root().join("crates")];
-    while let Some(path) = pending.pop() {
-        if path.ends_with("target") {
-            // Of a workspace of its own: not ours.
-            continue;
-        } else if path.is_dir() {
-            pending.extend(
-                fs::read_dir(&path)
-                    .unwrap()
-                    .map(|entry| entry.unwrap().path()),
-            );
-        } else if path.extension().is_some_and(|extension| extension == "rs") {
+    for path in files_in(&root().join("crates")) {
+        if path.extension().is_some_and(|extension| extension == "rs") {
             let text = fs::read_to_string(&path).unwrap();
             for part in text.split('[').skip(1) {
                 let inside = part.split([']', '\n']).next().unwrap_or_default();
@@ -116,19 +106,97 @@ fn is_key(text: &str) -> bool {
     (is_year && is_name) || text == "PBRT3"
 }
 
+/// The files in a folder and those inside it, but for what is built or not ours.
+fn files_in(folder: &Path) -> Vec<PathBuf> {
+    let mut files = Vec::new();
+    let mut pending = vec![folder.to_owned()];
+    while let Some(path) = pending.pop() {
+        if path.is_dir() {
+            for entry in fs::read_dir(&path).unwrap() {
+                let inner = entry.unwrap().path();
+                let name = inner.file_name().unwrap().to_string_lossy().into_owned();
+                if !name.starts_with('.') && !["target", "out"].contains(&name.as_str()) {
+                    pending.push(inner);
+                }
+            }
+        } else {
+            files.push(path);
+        }
+    }
+    files
+}
+
+/// A page without its blocks of code.
+fn prose(page: &str) -> String {
+    let mut in_code = false;
+    let lines = page.lines().filter(|line| {
+        let fence = line.trim_start().starts_with("```");
+        in_code ^= fence;
+        !in_code && !fence
+    });
+    lines.collect::<Vec<_>>().join("\n")
+}
+
+/// The anchors of a page's headings, as GitHub makes them.
+fn anchors(page: &str) -> BTreeSet<String> {
+    let mut anchors = BTreeSet::new();
+    let prose = prose(page);
+    for line in prose.lines().filter(|line| line.starts_with('#')) {
+        let heading = line.trim_start_matches('#').trim().to_lowercase();
+        let kept = |c: &char| c.is_alphanumeric() || matches!(c, ' ' | '-' | '_');
+        let anchor = heading.chars().filter(kept).collect::<String>();
+        let anchor = anchor.replace(' ', "-");
+        // The second of the same name has a number.
+        let numbered = (1..).map(|i| format!("{anchor}-{i}"));
+        let mut names = std::iter::once(anchor.clone()).chain(numbered);
+        let free = names.find(|name| !anchors.contains(name));
+        anchors.extend(free);
+    }
+    anchors
+}
+
+#[test]
+fn every_link_of_a_page_leads_somewhere() {
+    let mut checked = 0;
+    let mut broken = Vec::new();
+    for path in files_in(&root()) {
+        // The texts of licences are not ours.
+        let text = match path.extension().is_some_and(|ending| ending == "md") {
+            true if !path.ends_with("THIRD-PARTY.md") && !path.ends_with("docs/licences.md") => {
+                prose(&fs::read_to_string(&path).unwrap())
+            }
+            _ => continue,
+        };
+        for link in text.split("](").skip(1) {
+            let link = link.split([')', ' ']).next().unwrap_or_default();
+            if link.contains("://") {
+                continue;
+            }
+            let (file, anchor) = link.split_once('#').unwrap_or((link, ""));
+            let target = match file {
+                "" => path.clone(),
+                file => path.parent().unwrap().join(file),
+            };
+            let is_there = target.exists()
+                && (anchor.is_empty()
+                    || anchors(&fs::read_to_string(&target).unwrap()).contains(anchor));
+            if !is_there {
+                broken.push(format!("{}: {link}", path.display()));
+            }
+            checked += 1;
+        }
+    }
+    assert!(broken.is_empty(), "{}", broken.join("\n"));
+    assert!(checked > 50, "{checked} links");
+}
+
 /// What a crate embeds must lie in the crate, or its package does not have it.
 #[test]
 fn every_file_that_a_crate_embeds_lies_in_the_crate() {
     let mut embedded = 0;
     for entry in fs::read_dir(root().join("crates")).unwrap() {
         let package = entry.unwrap().path();
-        let mut pending = vec![package.join("src")];
-        while let Some(path) = pending.pop() {
-            if path.is_dir() {
-                let children = fs::read_dir(&path).unwrap();
-                pending.extend(children.map(|entry| entry.unwrap().path()));
-                continue;
-            }
+        for path in files_in(&package.join("src")) {
             let text = fs::read_to_string(&path).unwrap_or_default();
             for macro_name in ["include_str!(\"", "include_bytes!(\""] {
                 for rest in text.split(macro_name).skip(1) {

@@ -1,7 +1,8 @@
 //! Ambient occlusion, baked into vertices: of the directions above each vertex, the part that sees
 //! the sky. Any-hit queries with a short reach, in parallel over vertices.
 //!
-//! `cargo run --release --example bake_ao [mesh.ply]`
+//! `cargo run --release --example bake_ao [out.ply]`: the mesh is made here; with a name, it is
+//! written to that file, with what its vertices see as their colours.
 
 mod shapes;
 
@@ -73,7 +74,7 @@ fn grid(height: f32, half: f32, side: u32) -> Result<Mesh, MeshError> {
 }
 
 /// An ASCII PLY with grey vertices, for any viewer.
-fn write_ply(path: &str, mesh: &Mesh, grey: &[f32]) -> std::io::Result<()> {
+fn write_ply(path: &str, mesh: &Mesh, grey: &[f32]) -> Result<(), String> {
     let mut text = format!(
         "ply\nformat ascii 1.0\nelement vertex {}\nproperty float x\nproperty float y\nproperty float z\n\
          property uchar red\nproperty uchar green\nproperty uchar blue\nelement face {}\n\
@@ -88,5 +89,5 @@ fn write_ply(path: &str, mesh: &Mesh, grey: &[f32]) -> std::io::Result<()> {
     for [a, b, c] in mesh.triangles() {
         text += &format!("3 {a} {b} {c}\n");
     }
-    std::fs::write(path, text)
+    shapes::write(path, text.as_bytes())
 }

@@ -2,7 +2,7 @@
 //! against. It writes the files, starts this example on their folder, and asks it, in turn with the
 //! package, for one batch after the other. Without a folder: one batch of rays onto a torus.
 //!
-//! `cargo run --release --example batch [FOLDER]`
+//! `cargo run --release --example batch [FOLDER]`: the folder is read, nothing is written.
 
 mod shapes;
 
@@ -64,7 +64,8 @@ fn batch(tree: &Tree, rays: &[Ray], query: &str) -> Result<String, String> {
 }
 
 /// The numbers of a file, little-endian.
-fn read<T>(path: &Path, number: fn([u8; 4]) -> T) -> std::io::Result<Vec<T>> {
-    let bytes = std::fs::read(path)?;
+fn read<T>(path: &Path, number: fn([u8; 4]) -> T) -> Result<Vec<T>, String> {
+    let bytes = std::fs::read(path)
+        .map_err(|error| format!("{} cannot be read: {error}", path.display()))?;
     Ok(bytes.as_chunks().0.iter().copied().map(number).collect())
 }

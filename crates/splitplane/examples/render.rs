@@ -1,7 +1,8 @@
 //! A small renderer: rings over a floor as instances of one tree, a sun with shadows and
 //! a sky with occlusion.
 //!
-//! `cargo run --release --example render [picture.pgm]`
+//! `cargo run --release --example render [out.pgm]`: with a name, the picture is written to that
+//! file.
 
 mod shapes;
 

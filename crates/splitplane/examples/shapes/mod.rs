@@ -76,12 +76,17 @@ pub(crate) fn hemisphere(normal: [f32; 3], i: u32, n: u32) -> [f32; 3] {
 }
 
 /// A grey picture as a PGM file, rows from the top, values from 0 to 1.
-pub(crate) fn write_pgm(path: &str, width: usize, values: &[f32]) -> std::io::Result<()> {
+pub(crate) fn write_pgm(path: &str, width: usize, values: &[f32]) -> Result<(), String> {
     let mut bytes = format!("P5 {width} {} 255\n", values.len() / width).into_bytes();
     bytes.extend(
         values
             .iter()
             .map(|v| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8),
     );
-    std::fs::write(path, bytes)
+    write(path, &bytes)
+}
+
+/// A file; the error names it.
+pub(crate) fn write(path: &str, bytes: &[u8]) -> Result<(), String> {
+    std::fs::write(path, bytes).map_err(|error| format!("{path} cannot be written: {error}"))
 }
