@@ -322,6 +322,13 @@ fn what_cannot_be_rendered_is_refused_with_a_reason() {
     assert!(message.contains("0 x 3"), "{message}");
     let message = refused(&|_, settings| settings.crop = Some([0.5, 0.4, 0.0, 1.0]));
     assert!(message.contains("x_min < x_max"), "{message}");
+    // The reader's limit is that of rendering.
+    let wide = |scene: &mut Scene, x: f32| scene.filter = Filter::Box { radius: [x, 1.0] };
+    let message = refused(&|scene, _| wide(scene, Filter::MAX_RADIUS.next_up()));
+    assert!(message.contains("at most 64 pixels"), "{message}");
+    let mut widest = room();
+    wide(&mut widest, Filter::MAX_RADIUS);
+    assert!(render(&widest, &tree_of(&widest), &RenderSettings::default(), &()).is_ok());
     let message = refused(&|scene, _| scene.shapes[1].material = 99);
     assert!(message.contains("material 99"), "{message}");
     let message = refused(&|scene, _| scene.shapes[2].has_normals = true);

@@ -196,6 +196,56 @@ fn a_folder_is_no_scene() {
 }
 
 #[test]
+fn a_file_of_another_kind_is_not_taken_for_a_scene_of_pbrt() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["model.xyz", "tree.spt", "tri.obj.gz", "picture.png", "pbrt"] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, "v 0 0 0\n").unwrap();
+        let error = read(&path).unwrap_err();
+        assert!(error.file.ends_with(name) && error.line == 0, "{error}");
+        let endings = ".pbrt, .pbrt.gz, .gltf, .glb, .ply, .ply.gz, .obj, .stl";
+        assert!(error.message.contains(endings), "{error}");
+    }
+    for name in ["A.PBRT", "b.pbrt.GZ"] {
+        let path = folder.path().join(name);
+        std::fs::write(&path, "WorldBegin\nWorldEnd\n").unwrap();
+        assert!(read(&path).is_ok(), "{name}");
+    }
+}
+
+#[test]
+fn definitions_and_subdivision_are_refused_where_there_is_nothing_to_define() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("one.obj");
+    std::fs::write(&path, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let define = LoadOptions {
+        defines: [("A".to_owned(), "1".to_owned())].into(),
+        ..LoadOptions::default()
+    };
+    let subdivide = LoadOptions {
+        subdivision_levels: Some(3),
+        ..LoadOptions::default()
+    };
+    for name in [path.to_str().unwrap(), "grove:40000"] {
+        for options in [&define, &subdivide] {
+            let error = load(name, options).unwrap_err();
+            assert!(error.file == name, "{error}");
+            assert!(error.message.contains("no .pbrt file"), "{error}");
+        }
+    }
+}
+
+#[test]
+fn what_a_terminal_would_obey_is_escaped() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("damaged.pbrt.gz");
+    std::fs::write(&path, b"\x01Foo\x1b[31m").unwrap();
+    let error = read(&path).unwrap_err().to_string();
+    assert!(error.contains(r"`\u{1}Foo\u{1b}`"), "{error}");
+    assert!(!error.contains(char::is_control), "{error:?}");
+}
+
+#[test]
 fn an_unknown_name_lists_what_there_is() {
     let error = load("lorry", &LoadOptions::default())
         .unwrap_err()

@@ -260,10 +260,19 @@ pub enum Instancing {
 ///
 /// # Errors
 /// There is no such scene, or its files are wrong; the error tells where, and what would be
-/// accepted.
+/// accepted. Or the options have what only files of pbrt take: definitions, levels of subdivision.
 pub fn load(name_or_path: &str, options: &LoadOptions) -> Result<Scene, SceneError> {
     let search = library::search_path(&options.search);
-    let (path, name) = match library::resolve(name_or_path, &search)? {
+    let found = library::resolve(name_or_path, &search)?;
+    let is_pbrt = matches!(&found, library::Resolved::File { path, .. } if pbrt::is_pbrt(path));
+    if !is_pbrt && (!options.defines.is_empty() || options.subdivision_levels.is_some()) {
+        return Err(SceneError::file(
+            name_or_path,
+            "it is no .pbrt file, and only those have definitions and surfaces to subdivide; leave \
+             out --define and --subdivide",
+        ));
+    }
+    let (path, name) = match found {
         library::Resolved::BuiltIn { name, size } => return library::build(name, size),
         library::Resolved::File { path, name } => (path, name),
     };
@@ -271,12 +280,18 @@ pub fn load(name_or_path: &str, options: &LoadOptions) -> Result<Scene, SceneErr
         gltf_file::load(&path, &name)
     } else if mesh_file::is_mesh(&path) {
         mesh_file::load(&path, &name)
-    } else {
+    } else if is_pbrt {
         let options = LoadOptions {
             search,
             ..options.clone()
         };
         pbrt::load(&path, &name, &options)
+    } else {
+        let endings = library::endings();
+        Err(SceneError::file(
+            path.display().to_string(),
+            format!("this is no kind of file that is read; {endings}"),
+        ))
     }?;
     let nothing = |mesh: &Mesh| mesh.usable_triangles().is_empty();
     if scene.triangles() > 0 && scene.meshes().all(nothing) {

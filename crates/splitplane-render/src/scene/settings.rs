@@ -53,6 +53,11 @@ pub enum Filter {
     },
 }
 
+impl Filter {
+    /// The largest radius along an axis, in pixels.
+    pub const MAX_RADIUS: f32 = 64.0;
+}
+
 /// Where samples come from.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sampler {

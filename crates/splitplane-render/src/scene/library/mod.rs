@@ -7,7 +7,7 @@ mod truck;
 
 use std::path::{Path, PathBuf};
 
-use super::Scene;
+use super::{Scene, mesh_file, pbrt};
 use crate::error::SceneError;
 
 /// A scene that [`super::load`] knows by name.
@@ -260,16 +260,14 @@ pub fn resolve(name_or_path: &str, search: &[PathBuf]) -> Result<Resolved, Scene
     };
     Err(SceneError::file(
         name_or_path,
-        format!(
-            "{there}; scenes are {}; files can end in .pbrt, .pbrt.gz, .gltf, \
-             .glb{}",
-            names.join(", "),
-            super::mesh_file::ENDINGS
-                .iter()
-                .map(|e| format!(", {e}"))
-                .collect::<String>()
-        ),
+        format!("{there}; scenes are {}; {}", names.join(", "), endings()),
     ))
+}
+
+/// What files can end in, as messages say it.
+pub(crate) fn endings() -> String {
+    let all = [&pbrt::ENDINGS, &[".gltf", ".glb"], mesh_file::ENDINGS].concat();
+    format!("files can end in {}", all.join(", "))
 }
 
 /// The name of the scene in a file: the file's, or its folder's where the file is `scene.pbrt`.

@@ -42,18 +42,20 @@ pub(crate) struct Token {
     pub(crate) span: Span,
 }
 
-/// Text short enough for a message.
+/// Text short enough for a message, which a terminal shows and does not obey.
 pub(crate) fn shortened(text: &str) -> String {
     shortened_to(text, 40)
 }
 
 /// The same, with so many characters at most.
 pub(crate) fn shortened_to(text: &str, longest: usize) -> String {
-    let mut short: String = text
-        .chars()
-        .take(longest)
-        .map(|c| if c.is_control() { '\u{fffd}' } else { c })
-        .collect();
+    let mut short = String::new();
+    for c in text.chars().take(longest) {
+        match c.is_control() {
+            true => short.extend(c.escape_default()),
+            false => short.push(c),
+        }
+    }
     if text.chars().nth(longest).is_some() {
         short.push('…');
     }

@@ -190,11 +190,22 @@ pub(crate) fn film(s: &Sources, d: &Directive, notes: &mut Notes) -> Result<Film
 }
 
 pub(crate) fn filter(s: &Sources, d: &Directive, notes: &mut Notes) -> Result<Filter, SceneError> {
+    let width = |name: &str, default: f32| -> Result<f32, SceneError> {
+        let width = positive(s, d, name, default)?;
+        if width <= Filter::MAX_RADIUS {
+            return Ok(width);
+        }
+        let span = d.params.get(name).map_or(d.span, |param| param.span);
+        Err(s.error(
+            span,
+            format!(
+                "\"{name}\" is {width}; it can be up to {} pixels",
+                Filter::MAX_RADIUS
+            ),
+        ))
+    };
     let radius = |default: f32| -> Result<[f32; 2], SceneError> {
-        Ok([
-            positive(s, d, "xwidth", default)?,
-            positive(s, d, "ywidth", default)?,
-        ])
+        Ok([width("xwidth", default)?, width("ywidth", default)?])
     };
     let float = |name: &str, default: f32| -> Result<f32, SceneError> {
         Ok(d.params.float(s, name)?.unwrap_or(default))
