@@ -7,7 +7,9 @@ use clap::builder::{
 };
 use clap::{Args, Parser, Subcommand, ValueEnum, value_parser};
 use splitplane::{Axis, Layout, ObliquePricing, ParseTreeError, Ties, Traversal, TreeChoice};
-use splitplane_lab::{Preset, Resolution, Settings, crop_named, ties_named, traversal_named};
+use splitplane_lab::{
+    MOST_SAMPLES, Preset, Resolution, Settings, crop_named, ties_named, traversal_named,
+};
 use splitplane_render::render::RenderSettings;
 use splitplane_render::scene::Instancing;
 
@@ -137,9 +139,9 @@ pub struct BuildCommand {
     #[command(flatten)]
     pub build: BuildArgs,
     /// Bring the tree into this layout, binary or wide, after it is built: the wide one answers
-    /// several times as fast
-    #[arg(long, default_value_t = Layout::Binary, value_name = "LAYOUT", help_heading = "How trees are built")]
-    pub layout: Layout,
+    /// several times as fast [default: binary, but a saved tree stays as it is]
+    #[arg(long, value_name = "LAYOUT", help_heading = "How trees are built")]
+    pub layout: Option<Layout>,
     /// Write what each thread did and when, as trace events for Perfetto or chrome://tracing
     #[arg(long, value_name = "FILE.json")]
     pub timeline: Option<PathBuf>,
@@ -228,7 +230,7 @@ pub struct ReproduceCommand {
     )]
     pub seed: u64,
     /// Samples per pixel
-    #[arg(long, default_value_t = 8, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, default_value_t = 8, value_name = "N", allow_negative_numbers = true, value_parser = samples())]
     pub spp: u32,
     /// Size of the full picture in pixels; a width alone keeps the scene's proportions
     #[arg(long, default_value = "1000", value_name = "WxH or W", allow_negative_numbers = true, value_parser = str::parse::<Resolution>)]
@@ -363,7 +365,7 @@ pub struct MergeCommand {
     #[arg(value_name = "DIR")]
     pub folder: PathBuf,
     /// A folder that results of the same plan were written to; may be repeated
-    #[arg(long, value_name = "DIR")]
+    #[arg(long, value_name = "DIR", value_parser = PathBufValueParser::new().try_map(folder))]
     pub from: Vec<PathBuf>,
 }
 
@@ -706,7 +708,7 @@ pub enum Pricing {
 #[command(next_help_heading = "The picture [default: as the scene says]")]
 pub struct PictureArgs {
     /// Samples per pixel
-    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = samples())]
     spp: Option<u32>,
     /// Size of the full picture in pixels; a width alone keeps the scene's proportions
     #[arg(long, value_name = "WxH or W", allow_negative_numbers = true, value_parser = str::parse::<Resolution>)]
@@ -744,6 +746,10 @@ pub struct GeneralArgs {
     /// No progress, notes or warnings
     #[arg(long, short)]
     pub quiet: bool,
+}
+
+fn samples() -> impl TypedValueParser<Value = u32> {
+    value_parser!(u32).range(1..=i64::from(MOST_SAMPLES))
 }
 
 /// A time with its unit, in seconds.

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use miette::{LabeledSpan, NamedSource, Report};
-use splitplane::{Mesh, Progress};
+use splitplane::{Layout, Mesh, Progress};
 use splitplane_lab::{Built, Settings, build, build_scene, load_tree};
 use splitplane_render::SceneError;
 use splitplane_render::scene::{Instancing, LoadOptions, Scene, load as load_scene};
@@ -106,6 +106,22 @@ pub fn watched_tree(
     }
 }
 
+/// Whether the tree is in the layout that was asked for; a built one is brought there. Nothing
+/// leads from the wide one, that a saved tree may be in, to the binary one.
+pub fn check_layout(
+    source: &TreeSource,
+    built: &Built,
+    asked: Option<Layout>,
+) -> Result<(), Failure> {
+    match (asked, built.tree.layout()) {
+        (Some(Layout::Binary), Layout::Wide) => Err(Failure::input(format!(
+            "{source} is in the wide layout, which has no split planes; save the tree with \
+             --layout binary"
+        ))),
+        _ => Ok(()),
+    }
+}
+
 /// The error, with the lines of the file that it speaks of where they can be shown.
 pub fn report(error: &SceneError) -> Report {
     match place(error) {
@@ -130,6 +146,11 @@ fn place(error: &SceneError) -> Option<(NamedSource<String>, usize)> {
         return None;
     }
     let text = std::fs::read_to_string(path).ok()?;
+    // A terminal would obey them.
+    let is_control = |c: char| c.is_control() && !matches!(c, '\n' | '\r' | '\t');
+    if text.contains(is_control) {
+        return None;
+    }
     let line = text.split_inclusive('\n').nth(error.line as usize - 1)?;
     // A line too long for a screen shows nothing.
     if line.len() > 500 {

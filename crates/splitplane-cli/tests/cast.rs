@@ -238,6 +238,28 @@ fn no_rays_give_no_hits() {
     assert_eq!(read::<f32>(&folder.path().join("hits.npz"), "t"), []);
 }
 
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_gives_one_error() {
+    let folder = folder();
+    hills_scene(folder.path(), "");
+    let rays = [0.0_f32, 0.0, 0.0, 0.0, 0.0, 1.0];
+    write_npy(
+        &folder.path().join("rays.npy"),
+        &[1, 6],
+        npyz::Order::C,
+        &rays,
+    );
+    let cast = ["cast", "hills.pbrt", "--rays", "rays.npy", "-q"];
+    let (code, _, err) = outcome(splitplane(&folder).args(cast).args(["--out", "/dev/full"]));
+    assert_eq!(code, 2);
+    assert!(
+        err.starts_with("error: ") && err.contains("/dev/full"),
+        "{err}"
+    );
+    assert_eq!(err.lines().count(), 1, "{err}");
+}
+
 #[test]
 fn files_that_hold_no_rays_are_refused_and_say_why() {
     let folder = folder();

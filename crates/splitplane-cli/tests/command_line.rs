@@ -96,6 +96,16 @@ fn bad_input_ends_with_exit_code_2_and_says_what_would_be_accepted() {
             &["--json", "no/such/place.json"],
             &["no folder no/such"],
         ),
+        (
+            &["check", "truck"],
+            &["--define", "A=1"],
+            &["no .pbrt file", "--define"],
+        ),
+        (
+            &["check", "truck"],
+            &["--subdivide", "3"],
+            &["no .pbrt file"],
+        ),
         (compare, &[], &["--trees"]),
         (compare, &["--trees", "kd,oak"], &all_trees),
         (compare, &["--trees", "kd,"], &all_trees),
@@ -133,6 +143,35 @@ fn an_error_in_a_scene_names_its_file_line_and_column_and_shows_them() {
     assert!(err.starts_with("error: "), "{err}");
     assert!(err.contains("broken.pbrt:3:"), "{err}");
     assert!(err.contains("Shape \"sphere\""), "{err}");
+}
+
+#[test]
+fn a_terminal_is_not_shown_what_it_would_obey() {
+    let folder = folder();
+    std::fs::write(folder.path().join("damaged.pbrt.gz"), b"\x01Foo\x1b[31m\n").unwrap();
+    let (code, _, err) = outcome(splitplane(&folder).args(["check", "damaged.pbrt.gz"]));
+    assert_eq!(code, 2);
+    let of_lines = |c: char| c.is_control() && c != '\n';
+    assert!(
+        err.contains("damaged.pbrt.gz:1:1") && !err.contains(of_lines),
+        "{err:?}"
+    );
+}
+
+#[test]
+fn an_unfinished_picture_of_other_settings_is_named() {
+    let folder = folder();
+    hills_scene(folder.path(), "");
+    // One of no pixels, with nothing done.
+    let picture = [b"splitplane picture 2\n", &[0; 28 * 8][..]].concat();
+    std::fs::write(folder.path().join("hills.unfinished"), picture).unwrap();
+    let resume = ["render", "hills.pbrt", "--resume", "--out", "."];
+    let (code, _, err) = outcome(splitplane(&folder).args(resume));
+    assert_eq!(code, 2);
+    assert!(
+        err.contains("hills.unfinished: the unfinished picture is of another"),
+        "{err}"
+    );
 }
 
 #[test]
@@ -284,6 +323,22 @@ fn scenes_are_listed_with_triangles_and_place_and_found_by_name_in_any_case() {
         splitplane(&folder)
             .arg("scenes")
             .env("SPLITPLANE_SCENES", "of mine"),
+    );
+    // One that cannot be read is in the list, with the reason below.
+    let broken = "WorldBegin\nShape \"sphere\" \"float radius\" [\"one\"]\n";
+    std::fs::write(scenes.join("broken.pbrt"), broken).unwrap();
+    let with_broken = ["scenes", "--scenes", "of mine"];
+    listed(splitplane(&folder).args(with_broken));
+    let (_, out, _) = outcome(splitplane(&folder).args(with_broken));
+    let told = out
+        .lines()
+        .filter(|line| line.trim_start().starts_with("broken"));
+    let told: Vec<&str> = told.collect();
+    assert_eq!(told.len(), 2, "{out}");
+    assert!(told[0].contains("unreadable"), "{out}");
+    assert!(
+        told[1].starts_with("broken: ") && told[1].contains("broken.pbrt:2:"),
+        "{out}"
     );
     let build = ["build", "HILLS", "--tree", "kd", "--scenes", "of mine"];
     let (code, _, err) = outcome(splitplane(&folder).args(build));

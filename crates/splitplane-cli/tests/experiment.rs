@@ -413,6 +413,24 @@ fn cells_run_one_by_one_in_any_order_and_gathered_from_two_folders_give_the_same
         out.contains("2 results from b") && out.contains("4 of 4 runs done"),
         "{out}"
     );
+    // What is there already is no result of another plan.
+    let (code, out, err) = outcome(splitplane(&folder).args(["merge", "a", "--from", "b"]));
+    assert_eq!((code, &*err), (0, ""));
+    assert!(out.contains("0 results from b"), "{out}");
+    fs::create_dir(folder.path().join("other")).unwrap();
+    let (code, out, err) = outcome(splitplane(&folder).args(["merge", "a", "--from", "other"]));
+    assert_eq!(code, 0, "{err}");
+    assert!(
+        err.contains("warning: other holds no result of this plan"),
+        "{err}"
+    );
+    assert!(!out.contains("from other"), "{out}");
+    let (code, _, err) = outcome(splitplane(&folder).args(["merge", "a", "--from", "nosuch"]));
+    assert_eq!(code, 2);
+    assert!(
+        err.contains("nosuch") && err.contains("no such folder"),
+        "{err}"
+    );
     let whole = ["experiment", file, "--out", "whole"];
     assert_eq!(outcome(splitplane(&folder).args(whole)).0, 0);
     let here = |name: &str| counts(&folder.path().join(name));

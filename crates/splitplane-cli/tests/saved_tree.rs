@@ -23,7 +23,14 @@ fn a_saved_tree_answers_as_the_one_that_was_built() {
         }
         assert_eq!(read("built/hills.png"), read("loaded/hills.png"));
     }
-    // What is in the file is of the wide layout now: no planes to draw.
+    // What is in the file is of the wide layout now: nothing leads back.
+    let as_binary = ["--tree", "hills.spt", "--layout", "binary"];
+    for command in [&["render", "--out", "loaded"][..], &["build"]] {
+        let (code, out, err) = run(&[command, &[scene], &as_binary].concat());
+        assert_eq!((code, &*out), (2, ""));
+        assert!(err.contains("hills.spt is in the wide layout"), "{err}");
+    }
+    // Nor are there planes to draw.
     let draw = ["slice", scene, "--tree", "hills.spt", "-o", "slice.svg"];
     let (code, _, err) = run(&draw);
     assert_eq!(code, 2);
@@ -33,6 +40,11 @@ fn a_saved_tree_answers_as_the_one_that_was_built() {
         0
     );
     assert_eq!(run(&draw).0, 0);
+    // A binary one is brought into the wide layout, as one that is built.
+    let as_wide = ["render", scene, "--tree", "hills.spt", "--layout", "wide"];
+    let (code, said, err) = run(&[&as_wide[..], &["--out", "loaded"]].concat());
+    assert_eq!(code, 0, "{err}");
+    assert!(said.contains("in the wide layout"), "{said}");
     // Nothing but what was asked for is left.
     let mut names: Vec<_> = std::fs::read_dir(folder.path())
         .unwrap()
@@ -42,6 +54,59 @@ fn a_saved_tree_answers_as_the_one_that_was_built() {
     assert_eq!(
         names,
         ["built", "hills.pbrt", "hills.spt", "loaded", "slice.svg"]
+    );
+}
+
+#[test]
+fn the_card_and_the_table_say_that_a_tree_was_loaded() {
+    let folder = folder();
+    let scene = hills_scene(folder.path(), "");
+    let scene = scene.to_str().unwrap();
+    let build = |arguments: &[&str]| {
+        let (code, out, err) = outcome(
+            splitplane(&folder)
+                .args(["build", scene, "--tree"])
+                .args(arguments),
+        );
+        assert_eq!(code, 0, "{err}");
+        out
+    };
+    let save = ["--preset", "thesis", "--layout", "wide", "-o", "hills.spt"];
+    let card = build(&[&["kd"], &save[..]].concat());
+    assert!(
+        card.contains("build time") && !card.contains("load"),
+        "{card}"
+    );
+    let card = build(&["hills.spt"]);
+    assert!(
+        card.contains("loading time") && card.contains("loaded by 1 thread"),
+        "{card}"
+    );
+    assert!(!card.contains("build time"), "{card}");
+    let table = build(&["hills.spt,kd", "--threads", "2"]);
+    let row = |name: &str| {
+        table
+            .lines()
+            .find(|line| line.trim().starts_with(name))
+            .unwrap()
+    };
+    assert!(row("hills.spt").contains("(loaded)"), "{table}");
+    assert!(!row("kd").contains("(loaded)"), "{table}");
+    // The saved tree's parameters are not those of the one that is built after it.
+    assert!(
+        table.contains("default parameters") && table.contains("2 threads"),
+        "{table}"
+    );
+    assert!(table.contains("loaded by 1 thread"), "{table}");
+    let cards: Vec<serde_json::Value> =
+        serde_json::from_str(&build(&["hills.spt,kd", "--json"])).unwrap();
+    assert_eq!(
+        (&cards[0]["preset"], &cards[1]["preset"]),
+        (&"thesis".into(), &"default".into())
+    );
+    assert!(
+        cards[0]["wide"].is_object() && cards[1]["wide"].is_null(),
+        "{cards:?}"
     );
 }
 

@@ -47,7 +47,7 @@ pub use slice::{Slice, SliceSettings};
 pub use splitplane::write_whole;
 pub use stats::{CONFIDENCE, Estimate, estimate, median};
 pub use timeline::Timeline;
-pub use window::{Resolution, crop_named};
+pub use window::{MAX_SIDE, MOST_SAMPLES, Resolution, crop_named};
 
 /// What can go wrong in the laboratory.
 #[derive(Debug, thiserror::Error)]

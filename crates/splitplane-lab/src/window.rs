@@ -12,8 +12,11 @@ pub enum Resolution {
     Width(u32),
 }
 
-/// The widest and highest picture.
-const MAX_SIDE: u32 = 65_536;
+/// The widest and highest picture that can be asked for.
+pub const MAX_SIDE: u32 = 65_536;
+
+/// The most samples per pixel that can be asked for.
+pub const MOST_SAMPLES: u32 = 1_000_000;
 
 impl FromStr for Resolution {
     type Err = String;

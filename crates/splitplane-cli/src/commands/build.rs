@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use splitplane::Progress;
+use splitplane::{Layout, Progress};
 use splitplane_lab::{
     CardRecord, LabError, Layouts, Preset, Timeline, forget_peak_memory, median, peak_memory_bytes,
     save_tree, write_whole,
@@ -25,8 +25,8 @@ pub fn run(command: &BuildCommand) -> Result<(), Failure> {
     if command.out.is_some() && command.tree.len() > 1 {
         return Err(Failure::input("--out takes one tree; name one with --tree"));
     }
-    let mut settings = command.build.settings(Preset::Default, &command.general);
-    settings.layouts = Layouts::both(command.layout);
+    let mut asked = command.build.settings(Preset::Default, &command.general);
+    asked.layouts = Layouts::both(command.layout.unwrap_or(Layout::Binary));
     let bar = Bar::new(quiet, 1);
     bar.spin(format!("reading {}", command.scene.scene));
     let scene = scene::load(&command.scene, Instancing::Flattened, quiet)?;
@@ -49,8 +49,11 @@ pub fn run(command: &BuildCommand) -> Result<(), Failure> {
             };
             let is_known = forget_peak_memory();
             let watched = (&bar, which.as_str(), progress);
+            // A saved tree has its own, which are not those of the next.
+            let mut settings = asked.clone();
             let built =
                 scene::watched_tree(tree, &scene.mesh, &command.build, &mut settings, watched)?;
+            scene::check_layout(tree, &built, command.layout)?;
             peaks.push(peak_memory_bytes().filter(|_| is_known));
             cards.push(CardRecord::new(&built, &scene.name, &settings));
             last = Some(built.tree);
@@ -71,7 +74,7 @@ pub fn run(command: &BuildCommand) -> Result<(), Failure> {
         })?;
     }
     match (&cards[..], command.json) {
-        ([card], false) => print::line(&text(card))?,
+        ([card], false) => print::line(&text(card, is_saved(&command.tree[0])))?,
         ([card], true) => print::line(&json(card)?)?,
         (cards, true) => print::line(&json(cards)?)?,
         (cards, false) => print::line(&table(cards, &peaks, command))?,
@@ -81,6 +84,20 @@ pub fn run(command: &BuildCommand) -> Result<(), Failure> {
 
 fn json(value: &(impl serde::Serialize + ?Sized)) -> Result<String, Failure> {
     serde_json::to_string_pretty(value).map_err(Failure::input)
+}
+
+fn is_saved(tree: &TreeSource) -> bool {
+    tree.file().is_some()
+}
+
+/// The parameters of a build.
+fn how(card: &CardRecord) -> String {
+    format!(
+        "{} parameters, {}, seed {}",
+        card.preset,
+        card.build_params.ways(),
+        card.seed
+    )
 }
 
 /// How long several trees took, and what came of it.
@@ -106,9 +123,13 @@ fn table(cards: &[CardRecord], peaks: &[Option<u64>], command: &BuildCommand) ->
             let ratios = own().zip(cards.iter().step_by(trees));
             let ratio = median(ratios.map(|(own, first)| own.build_s / first.build_s));
             let card = &cards[tree];
+            let loaded = match is_saved(&command.tree[tree]) {
+                true => " (loaded)",
+                false => "",
+            };
             vec![
                 command.tree[tree].to_string(),
-                seconds(median(times()).unwrap_or_default()),
+                seconds(median(times()).unwrap_or_default()) + loaded,
                 seconds(times().fold(f64::INFINITY, f64::min)),
                 seconds(times().fold(0.0, f64::max)),
                 measured(ratio.unwrap_or_default()),
@@ -126,24 +147,38 @@ fn table(cards: &[CardRecord], peaks: &[Option<u64>], command: &BuildCommand) ->
         true => print::markdown(&header, &rows),
         false => print::table(header, rows).trim_fmt(),
     };
+    let (saved, built): (Vec<usize>, Vec<usize>) =
+        (0..trees).partition(|&tree| is_saved(&command.tree[tree]));
+    let mut made = Vec::new();
+    // All that are built are built alike.
+    if let Some(&tree) = built.first() {
+        let threads = count(cards[tree].threads as u64, "thread");
+        made.push(format!(
+            "{}, {threads}, {}",
+            how(&cards[tree]),
+            match command.repeat {
+                1 => "built once".to_owned(),
+                repeat => format!("medians of {repeat} builds, interleaved"),
+            }
+        ));
+    }
+    if let Some(&tree) = saved.first() {
+        let threads = count(cards[tree].threads as u64, "thread");
+        made.push(format!(
+            "saved trees are as they were built, and loaded by {threads}"
+        ));
+    }
     let card = &cards[0];
     format!(
-        "{table}\n\n{}, {}: {} parameters, {}, seed {}, {}, {}",
+        "{table}\n\n{}, {}: {}",
         card.scene,
         count(card.triangles, "triangle"),
-        card.preset,
-        card.build_params.ways(),
-        card.seed,
-        count(card.threads as u64, "thread"),
-        match command.repeat {
-            1 => "built once".to_owned(),
-            repeat => format!("medians of {repeat} builds, interleaved"),
-        }
+        made.join("; ")
     )
 }
 
-/// The card, to be read.
-fn text(card: &CardRecord) -> String {
+/// The card, to be read; `is_saved`: of a tree that was loaded.
+fn text(card: &CardRecord, is_saved: bool) -> String {
     let tree = match card.k {
         Some(k) => format!("{}:{k}", card.tree),
         None => card.tree.clone(),
@@ -155,6 +190,10 @@ fn text(card: &CardRecord) -> String {
             grouped(not_finite),
             grouped(degenerate)
         ),
+    };
+    let (made, loaded) = match is_saved {
+        true => ("loading time", "loaded by "),
+        false => ("build time", ""),
     };
     let nodes = card.nodes;
     let share = |part: u64, whole: u64| percent(100.0 * part as f64 / (whole.max(1)) as f64);
@@ -192,7 +231,7 @@ fn text(card: &CardRecord) -> String {
         ("expected tests per ray", measured(card.expected_tests)),
         ("SAH cost", measured(card.sah_cost)),
         ("size", bytes(card.tree_bytes)),
-        ("build time", seconds(card.build_s)),
+        (made, seconds(card.build_s)),
         ("split candidates", grouped(card.candidates)),
         ("splits won", String::new()),
         ("  by axes", won(card.wins.axis)),
@@ -225,10 +264,8 @@ fn text(card: &CardRecord) -> String {
         by_leaf_size(card)
     );
     text.push_str(&format!(
-        "\n\n{} parameters, {}, seed {}, {}\n",
-        card.preset,
-        card.build_params.ways(),
-        card.seed,
+        "\n\n{}, {loaded}{}\n",
+        how(card),
         count(card.threads as u64, "thread"),
     ));
     text.push_str("A ray: a random line through the scene's box that tests all leaves on its way.");

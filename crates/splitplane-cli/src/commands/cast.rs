@@ -1,7 +1,7 @@
 //! `splitplane cast`: rays from a NumPy file, hits to one.
 
 use std::fs::File;
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufReader, Cursor, Read, Write};
 use std::path::Path;
 
 use npyz::{DType, NpyFile, Order, TypeChar, WriterBuilder};
@@ -34,6 +34,7 @@ pub fn run(command: &CastCommand) -> Result<(), Failure> {
         None => TreeSource::Built(TreeChoice::new(TREES[0].name, None).map_err(Failure::input)?),
     };
     let built = scene::tree(&source, &scene.mesh, &command.build, &mut settings, &bar)?;
+    scene::check_layout(&source, &built, command.layout)?;
     let (tree, made) = match source {
         TreeSource::Built(tree) => (tree, "built"),
         TreeSource::Saved(_) => (built.tree.choice(), "loaded"),
@@ -48,13 +49,10 @@ pub fn run(command: &CastCommand) -> Result<(), Failure> {
     let elapsed = start.elapsed().as_secs_f64();
     progress::clear();
 
-    let write = |file: &mut io::BufWriter<File>| {
-        let mut npz = ZipWriter::new(file);
-        hits.write(&mut npz)?;
-        npz.finish()?;
-        Ok(())
-    };
-    write_whole(&command.out, write).map_err(|source| LabError::Write {
+    let written = hits
+        .npz()
+        .and_then(|npz| write_whole(&command.out, |file| file.write_all(&npz)));
+    written.map_err(|source| LabError::Write {
         path: command.out.clone(),
         source,
     })?;
@@ -207,6 +205,14 @@ impl Hits {
             Hits::Closest(hits) => hits.iter().flatten().count(),
             Hits::Any(hits) => hits.iter().filter(|hit| **hit).count(),
         }
+    }
+
+    /// The arrays as the bytes of a file. In memory: a `ZipWriter` that cannot write to its file
+    /// prints so when it is dropped.
+    fn npz(&self) -> io::Result<Vec<u8>> {
+        let mut npz = ZipWriter::new(Cursor::new(Vec::new()));
+        self.write(&mut npz)?;
+        Ok(npz.finish()?.into_inner())
     }
 
     fn write<W: io::Write + io::Seek>(&self, npz: &mut ZipWriter<W>) -> io::Result<()> {

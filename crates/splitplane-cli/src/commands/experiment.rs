@@ -173,12 +173,14 @@ pub fn merge(command: &MergeCommand) -> Result<(), Failure> {
     let plan = folder.read_plan()?;
     folder.create()?;
     for from in &command.from {
-        let gathered = folder.gather(&plan, &Folder::new(from))?;
-        print::line(&format!(
-            "{} from {}",
-            count(gathered as u64, "result"),
-            from.display()
-        ))?;
+        match folder.gather(&plan, &Folder::new(from))? {
+            Some(gathered) => print::line(&format!(
+                "{} from {}",
+                count(gathered as u64, "result"),
+                from.display()
+            ))?,
+            None => print::warning(&format!("{} holds no result of this plan", from.display())),
+        }
     }
     finish(&folder, false)
 }

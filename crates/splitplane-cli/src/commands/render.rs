@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use splitplane::{TREES, TreeChoice};
 use splitplane_lab::{LabError, Layouts, Preset, RenderTime, record, write_records};
 use splitplane_render::output::{write_bytes, write_exr, write_png};
-use splitplane_render::render::{Checkpoint, Partial, Progress, render_from};
+use splitplane_render::render::{Checkpoint, Partial, Progress, RenderError, render_from};
 use splitplane_render::scene::{Instancing, Scene};
 
 use crate::args::{RenderCommand, TreeSource, layout};
@@ -50,6 +50,7 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
         None => TreeSource::Built(tree_of(&scene, quiet)?),
     };
     let built = scene::trees(&source, &scene, &command.build, &mut settings, &bar)?;
+    scene::check_layout(&source, &built, command.layout)?;
     let tree = built.tree.choice();
     let made = match source {
         TreeSource::Built(_) => "built",
@@ -68,8 +69,14 @@ pub fn run(command: &RenderCommand) -> Result<(), Failure> {
         last: Mutex::new(Instant::now()),
     };
     let trees = built.in_layout(settings.layouts.counted);
-    let picture =
-        render_from(&scene, trees, &settings.render, from, &writing).map_err(LabError::from)?;
+    let picture = render_from(&scene, trees, &settings.render, from, &writing).map_err(
+        |error| match error {
+            RenderError::OtherCheckpoint => {
+                Failure::input(format!("{}: {error}", unfinished.display()))
+            }
+            error => LabError::from(error).into(),
+        },
+    )?;
     progress::clear();
 
     write_png(&png, &picture)?;

@@ -1,6 +1,7 @@
 //! `splitplane scenes`.
 
 use comfy_table::CellAlignment;
+use splitplane_render::SceneError;
 use splitplane_render::scene::library::{SceneEntry, list, search_path};
 use splitplane_render::scene::{LoadOptions, load};
 
@@ -17,13 +18,17 @@ pub fn run(command: &ScenesCommand) -> Result<(), Failure> {
     };
     let entries = list(&search_path(&options.search));
     let bar = Bar::new(false, 1);
+    let mut unreadable = Vec::new();
     let rows = entries.iter().map(|entry| {
         let triangles = match entry.triangles {
             Some(triangles) => grouped(triangles as u64),
             None if command.uncounted => "?".to_owned(),
             None => {
                 bar.spin(format!("{}: counting its triangles", entry.name));
-                counted(entry, &options)
+                counted(entry, &options).unwrap_or_else(|error| {
+                    unreadable.push(format!("{}: {error}", entry.name));
+                    "unreadable".to_owned()
+                })
             }
         };
         let place = match &entry.file {
@@ -47,16 +52,17 @@ pub fn run(command: &ScenesCommand) -> Result<(), Failure> {
         }
     }
     print::line(&table.trim_fmt())?;
+    for reason in unreadable {
+        print::line(&reason)?;
+    }
     Ok(())
 }
 
 /// The scene's triangles; a scene that cannot be read does not keep the others from being listed.
-fn counted(entry: &SceneEntry, options: &LoadOptions) -> String {
+fn counted(entry: &SceneEntry, options: &LoadOptions) -> Result<String, SceneError> {
     let Some(file) = &entry.file else {
-        return "?".to_owned();
+        return Ok("?".to_owned());
     };
-    match load(&file.to_string_lossy(), options) {
-        Ok(scene) => grouped(scene.mesh.triangles().len() as u64),
-        Err(_) => "unreadable".to_owned(),
-    }
+    let scene = load(&file.to_string_lossy(), options)?;
+    Ok(grouped(scene.mesh.triangles().len() as u64))
 }

@@ -29,12 +29,7 @@ pub fn run(command: &SliceCommand) -> Result<(), Failure> {
         &bar,
     )?;
     let tree = built.tree.choice();
-    if built.tree.layout() == Layout::Wide {
-        return Err(Failure::input(format!(
-            "{} is in the wide layout, which has no split planes; save the tree with --layout binary",
-            command.tree
-        )));
-    }
+    scene::check_layout(&command.tree, &built, Some(Layout::Binary))?;
     let slice = SliceSettings {
         axis: command.axis.into(),
         at: command.at,

@@ -6,7 +6,7 @@ use splitplane::{ObliquePricing, TreeChoice};
 
 use crate::params::{Preset, ties_named, traversal_named};
 use crate::run::{Layouts, Settings};
-use crate::window::{Resolution, crop_named};
+use crate::window::{MOST_SAMPLES, Resolution, crop_named};
 
 /// Everything about a run but its scene and its tree. What is left out is as the preset or the
 /// scene says. The names are those of a record, and the axes of a grid.
@@ -156,8 +156,11 @@ impl Conditions {
             return Err("threads are 1 or more".to_owned());
         }
         render.seed = self.sample_seed.unwrap_or(0);
-        if self.spp == Some(0) {
-            return Err("spp is 1 or more".to_owned());
+        if self
+            .spp
+            .is_some_and(|spp| !(1..=MOST_SAMPLES).contains(&spp))
+        {
+            return Err(format!("spp is from 1 to {MOST_SAMPLES}"));
         }
         render.samples_per_pixel = self.spp;
         render.resolution = match &self.resolution {

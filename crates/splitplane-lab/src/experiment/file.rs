@@ -82,7 +82,7 @@ struct File {
     description: String,
     timed: Option<bool>,
     pictures: Option<bool>,
-    repetitions: Option<Spanned<u32>>,
+    repetitions: Option<Spanned<i64>>,
     time_limit_s: Option<Spanned<f64>>,
     scenes: Spanned<Vec<Spanned<Value>>>,
     trees: Spanned<Vec<Spanned<String>>>,
@@ -98,7 +98,7 @@ struct File {
 struct Quick {
     timed: Option<bool>,
     pictures: Option<bool>,
-    repetitions: Option<Spanned<u32>>,
+    repetitions: Option<Spanned<i64>>,
     time_limit_s: Option<Spanned<f64>>,
     scenes: Option<Spanned<Vec<Spanned<Value>>>>,
     trees: Option<Spanned<Vec<Spanned<String>>>>,
@@ -159,8 +159,8 @@ impl Experiment {
         let span = |range: std::ops::Range<usize>| Some(range);
         let repetitions = match file.repetitions {
             None => 1,
-            Some(given) => match *given.get_ref() {
-                n @ 1..=MOST_REPETITIONS => n,
+            Some(given) => match u32::try_from(*given.get_ref()) {
+                Ok(n @ 1..=MOST_REPETITIONS) => n,
                 _ => {
                     let accepted = format!("repetitions are from 1 to {MOST_REPETITIONS}");
                     return Err(place.error(span(given.span()), &accepted));
@@ -297,7 +297,13 @@ impl Place<'_> {
             }
         }
         if trees.is_empty() {
-            return Err(self.error(Some(given.span()), "there must be a tree"));
+            // Where there are trees, none takes any of the numbers.
+            let reasons = match notes.is_empty() {
+                true => String::new(),
+                false => format!(": {}", notes.join("; ")),
+            };
+            let message = format!("there must be a tree{reasons}");
+            return Err(self.error(Some(given.span()), &message));
         }
         let mut once = Vec::new();
         for tree in trees {
@@ -398,8 +404,9 @@ pub(super) fn conditions(table: &Table) -> Result<Conditions, String> {
 fn in_words(message: &str) -> String {
     for (name, words) in [
         ("u16", "a whole number from 0 to 65535"),
-        ("u32", "a whole number, not below 0"),
+        ("u32", "a whole number from 0 to 4294967295"),
         ("u64", "a whole number, not below 0"),
+        ("i64", "a whole number"),
         ("f64", "a number"),
         ("a boolean", "true or false"),
         ("a string", "a text in quotes"),
@@ -482,6 +489,22 @@ spp = 1
     }
 
     #[test]
+    fn trees_that_take_none_of_the_numbers_of_directions_are_no_trees() {
+        let text = (GOOD.replace("[2, 6]", "[2, 99]"))
+            .replace("\"kd\", \"wn+kd:4\", \"wn+kd\", \"cn\"", "\"wn+kd\"");
+        let error = parse(&text, false).unwrap_err().to_string();
+        for part in [
+            "e.toml:5:9",
+            "there must be a tree",
+            "k = 2",
+            "k = 99",
+            "from 3 to 64",
+        ] {
+            assert!(error.contains(part), "{part}: {error}");
+        }
+    }
+
+    #[test]
     fn what_is_wrong_is_told_with_its_place() {
         for (from, to, place, says) in [
             ("\"wn+kd:4\"", "\"wn+kd:99\"", "5:16", "wn+kd"),
@@ -490,6 +513,30 @@ spp = 1
             ("max_prims = [", "max_prim = [", "10:12", "max_prims"),
             ("spp = 4", "spp = 0", "4:20", "spp"),
             ("repetitions = 3", "repetitions = 0", "3:15", "from 1"),
+            (
+                "repetitions = 3",
+                "repetitions = 99999999999",
+                "3:15",
+                "repetitions are from 1 to 1000",
+            ),
+            (
+                "repetitions = 3",
+                "repetitions = -1",
+                "3:15",
+                "from 1 to 1000",
+            ),
+            (
+                "spp = 4",
+                "spp = 4000000000",
+                "4:20",
+                "spp is from 1 to 1000000",
+            ),
+            (
+                "max_prims = [1, 4]",
+                "max_prims = 99999999999",
+                "10:13",
+                "expected a whole number from 0 to 4294967295",
+            ),
             ("k = [2, 6]", "k = [\"two\"]", "8:5", "number of directions"),
             (
                 "max_prims = [1, 4]",

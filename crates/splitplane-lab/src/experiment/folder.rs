@@ -176,11 +176,16 @@ impl Folder {
             .map_err(|source| LabError::Write { path, source })
     }
 
-    /// Copies the results that this folder lacks from another; returns how many.
+    /// Copies the results that this folder lacks from another; returns how many. `None`: the other
+    /// folder has no result of this plan at all.
     ///
     /// # Errors
     /// A file cannot be read or written.
-    pub fn gather(&self, plan: &Plan, from: &Folder) -> Result<usize, LabError> {
+    pub fn gather(&self, plan: &Plan, from: &Folder) -> Result<Option<usize>, LabError> {
+        let is_there = |cell: &Cell| from.result(&cell.id).exists();
+        if !plan.cells.iter().any(is_there) {
+            return Ok(None);
+        }
         let mut gathered = 0;
         for cell in &plan.cells {
             let failed_here = match self.read_result(cell)? {
@@ -205,7 +210,7 @@ impl Folder {
             self.write_result(&result)?;
             gathered += 1;
         }
-        Ok(gathered)
+        Ok(Some(gathered))
     }
 }
 
