@@ -12,6 +12,7 @@ use pyo3::prelude::*;
 fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("DEFAULT_TREE", splitplane::TreeChoice::DEFAULT)?;
+    module.add("MAX_SIDE", splitplane_lab::MAX_SIDE)?;
     module.add_class::<tree::Tree>()?;
     module.add_class::<scenes::Scene>()?;
     module.add_function(wrap_pyfunction!(scenes::load_scene, module)?)?;

@@ -228,6 +228,9 @@ def test_the_card_shows_itself(scene):
         (lambda s: RaycastingScene(tree="oak").build(), ValueError, 'no tree is called "oak"'),
         (lambda s: RaycastingScene(tree="wn+kd:99").build(), ValueError, "from 3 to 64"),
         (lambda s: RaycastingScene(layout="tall").build(), ValueError, "binary and wide"),
+        (lambda s: RaycastingScene(tree=3), TypeError, "tree must be a name, not 3"),
+        (lambda s: RaycastingScene(tree=None), TypeError, "tree must be a name, not None"),
+        (lambda s: RaycastingScene(layout=b"wide"), TypeError, "layout must be a name"),
         (lambda s: RaycastingScene(nthreads=-2), ValueError, "nthreads"),
         (lambda s: s.create_rays_pinhole(60.0, 4), TypeError, "fov_deg"),
         (lambda s: pinhole(center=[0, 0, 5]), ValueError, "eye and center must differ"),
@@ -237,12 +240,24 @@ def test_the_card_shows_itself(scene):
         (lambda s: pinhole(fov_deg=0), ValueError, "fov_deg is 0.0"),
         (lambda s: pinhole(fov_deg=180), ValueError, "less than 180"),
         (lambda s: pinhole(fov_deg=float("nan")), ValueError, "fov_deg is nan"),
+        (
+            lambda s: s.create_rays_pinhole(np.zeros((3, 3)), np.eye(4), 4, 3),
+            ValueError,
+            "intrinsic_matrix has no inverse",
+        ),
     ],
 )
 def test_what_is_wrong_is_told(scene, call, error, says):
     with pytest.raises(error) as told:
         call(scene)
     assert says in str(told.value), str(told.value)
+
+
+@pytest.mark.parametrize(("width", "height"), [(0, 3), (4, 0), (0, 0)])
+def test_a_picture_without_pixels_has_no_rays(scene, width, height):
+    rays = pinhole(width_px=width, height_px=height)
+    assert rays.shape == (height, width, 6) and rays.dtype == np.float32
+    assert scene.cast_rays(rays)["t_hit"].shape == (height, width)
 
 
 def test_a_pinhole_looks_where_it_is_told():

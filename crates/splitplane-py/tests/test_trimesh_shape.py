@@ -109,6 +109,11 @@ def test_max_hits_and_shapes(mesh):
     assert np.array_equal(one, some) and len(ours.intersects_id(origins, directions)) == 2
     empty = ours.intersects_location(np.zeros((0, 3)), np.zeros((0, 3)))
     assert [a.shape for a in empty] == [(0, 3), (0,), (0,)]
+    assert len(ours.intersects_id(origins, directions, max_hits=0)[0]) == 0
+    with pytest.raises(ValueError, match="max_hits must be 0 or more"):
+        ours.intersects_id(origins, directions, max_hits=-1)
+    assert ours.contains_points([]).shape == (0,)
+    assert ours.intersects_any([], []).shape == (0,)
     with pytest.raises(ValueError, match=r"\(n, 3\)"):
         ours.intersects_any(origins, directions[:5])
     with pytest.raises(TypeError, match="vertices and faces"):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 __version__: str
 DEFAULT_TREE: str
+MAX_SIDE: int
 
 _Mesh = tuple[NDArray[np.float32] | NDArray[np.float64], NDArray[np.uint32]]
 _Hits = tuple[

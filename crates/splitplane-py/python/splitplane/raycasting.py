@@ -104,12 +104,21 @@ def threads(nthreads: int) -> int:
     return count
 
 
+def named(value: object, what: str) -> str:
+    """The name, checked to be one."""
+    if not isinstance(value, str):
+        raise TypeError(f"{what} must be a name, not {value!r}")
+    return value
+
+
 def numbers(values: object, columns: int, what: str) -> NDArray[Any]:
     """The values as an array of real numbers with that many columns, not copied."""
     try:
         array: NDArray[Any] = _plain(values)
     except ValueError as error:
         raise ValueError(f"{what} must have the shape (..., {columns}): {error}") from None
+    if array.shape == (0,):  # An empty list does not show its columns.
+        array = array.reshape(0, columns)
     if array.dtype.kind not in "fiu":
         raise TypeError(f"{what} must be real numbers, not {array.dtype}")
     if array.ndim < 1 or array.shape[-1] != columns:
@@ -185,8 +194,8 @@ class RaycastingScene:
         if device is not None and not str(device).upper().startswith("CPU"):
             raise ValueError(f"rays are cast on the CPU, not on {device}")
         self._nthreads = threads(nthreads)
-        self._name = tree
-        self._layout = layout
+        self._name = named(tree, "tree")
+        self._layout = named(layout, "layout")
         self._meshes: list[tuple[NDArray[np.float32], NDArray[np.uint32]]] = []
         self._built: _native.Tree | None = None
 
@@ -427,12 +436,19 @@ class RaycastingScene:
                 "intrinsic_matrix must have the shape (3, 3) and extrinsic_matrix (4, 4), not "
                 f"{intrinsic.shape} and {extrinsic.shape}"
             )
+        if width == 0 or height == 0:
+            # Nor has the camera of a picture without width a matrix that can be inverted.
+            return np.empty((height, width, 6), np.float32).view(Array)
+        try:
+            inverse = np.linalg.inv(intrinsic)
+        except np.linalg.LinAlgError:
+            raise ValueError(f"intrinsic_matrix has no inverse: {intrinsic.tolist()}") from None
         turn, move = extrinsic[:3, :3], extrinsic[:3, 3]
         x, y = np.meshgrid(np.arange(width) + 0.5, np.arange(height) + 0.5)
         pixels = np.stack([x, y, np.ones_like(x)], axis=-1)
         rays = np.empty((height, width, 6), np.float32)
         rays[..., :3] = -turn.T @ move
-        rays[..., 3:] = pixels @ (turn.T @ np.linalg.inv(intrinsic)).T
+        rays[..., 3:] = pixels @ (turn.T @ inverse).T
         return rays.view(Array)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import operator
 import os
 from collections.abc import Iterable, Sequence
 from typing import Any, Literal, NamedTuple, overload
@@ -118,6 +119,16 @@ def load_scene(
     return Scene(_native.load_scene(os.fspath(name_or_path), [os.fspath(s) for s in search]))
 
 
+def _size(resolution: Iterable[int]) -> tuple[int, int]:
+    sides = [operator.index(side) for side in resolution]
+    if len(sides) != 2 or not all(1 <= side <= _native.MAX_SIDE for side in sides):
+        raise ValueError(
+            f"resolution must be a width and a height from 1 to {_native.MAX_SIDE}, "
+            f"not {resolution}"
+        )
+    return sides[0], sides[1]
+
+
 def _picture(
     nthreads: int,
     seed: int,
@@ -129,7 +140,8 @@ def _picture(
     for name, value in (("seed", seed), ("spp", spp), ("max_depth", max_depth)):
         if value is not None and not 0 <= value < 2**32:
             raise ValueError(f"{name} must be from 0 to {2**32 - 1}, not {value}")
-    return threads(nthreads), seed, spp, resolution, crop, max_depth
+    size = None if resolution is None else _size(resolution)
+    return threads(nthreads), seed, spp, size, crop, max_depth
 
 
 def _loaded(scene: Scene | str | os.PathLike[str]) -> Scene:
@@ -185,7 +197,7 @@ def render(
         layout: "wide", for speed, or "binary", whose counts can be compared with those of papers;
             see :class:`RaycastingScene`.
         spp: Samples per pixel, in place of the scene's.
-        resolution: Width and height in pixels, in place of the scene's.
+        resolution: Width and height in pixels, each from 1 to 65,536, in place of the scene's.
         crop: ``(x_min, x_max, y_min, y_max)`` of the part to render, in fractions.
         max_depth: The most bounces, in place of the scene's.
         seed: Another seed gives other samples of the same quality.

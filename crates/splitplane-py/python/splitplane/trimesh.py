@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from . import _native
-from .raycasting import Card, RaycastingScene, numbers, threads
+from .raycasting import Card, RaycastingScene, named, numbers, threads
 
 __all__ = ["RayMeshIntersector"]
 
@@ -53,7 +53,7 @@ class RayMeshIntersector:
             raise TypeError(f"a mesh has vertices and faces; {type(geometry).__name__} has not")
         self.mesh = geometry
         self._scale_to_box = scale_to_box
-        self._name, self._layout = tree, layout
+        self._name, self._layout = named(tree, "tree"), named(layout, "layout")
         self._nthreads = threads(nthreads)
         self._built: tuple[int, _native.Tree] | None = None
 
@@ -115,6 +115,8 @@ class RayMeshIntersector:
             ``index_tri`` (h,), ``index_ray`` (h,), and if asked for ``locations`` (h, 3); ray by
             ray, and along each ray.
         """
+        if max_hits is not None and max_hits < 0:
+            raise ValueError(f"max_hits must be 0 or more, or None for all, not {max_hits}")
         rays, origins, directions = self._rays(ray_origins, ray_directions)
         if multiple_hits:
             ids, t, _, triangles, _ = self._tree.all_hits(rays, self._nthreads)
