@@ -352,3 +352,39 @@ fn scenes_are_listed_with_triangles_and_place_and_found_by_name_in_any_case() {
         assert!(err.contains(name), "{name} in\n{err}");
     }
 }
+
+#[test]
+fn nothing_is_written_over_what_a_scene_names() {
+    let folder = tempfile::tempdir().unwrap();
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\n";
+    let obj = format!("mtllib m.mtl\n{triangle}usemtl a\nf 1/1 2/1 3/1\n");
+    std::fs::write(folder.path().join("m.obj"), obj).unwrap();
+    std::fs::write(folder.path().join("m.mtl"), "newmtl a\nmap_Kd m.png\n").unwrap();
+    std::fs::write(folder.path().join("m.png"), "an image").unwrap();
+    std::fs::write(folder.path().join("s.pbrt"), "Include \"rest.pbrt\"\n").unwrap();
+    let rest = "WorldBegin\nShape \"sphere\"\nWorldEnd\n";
+    std::fs::write(folder.path().join("rest.pbrt"), rest).unwrap();
+    let small = ["--spp", "1", "--resolution", "8"];
+    let render: &[&str] = &["render", "m.obj", "--out", "."];
+    let compare: &[&str] = &["compare", "m.obj", "--trees", "kd", "--out", "."];
+    let reproduce: &[&str] = &["reproduce", "m.obj", "--trees", "kd", "--out", "m.obj"];
+    let build: &[&str] = &["build", "m.obj", "--tree", "kd"];
+    let slice: &[&str] = &["slice", "s.pbrt", "--tree", "kd", "-o", "rest.pbrt"];
+    for (words, file) in [
+        ([render, &small].concat(), "m.png"),
+        ([compare, &small].concat(), "m.png"),
+        ([reproduce, &small].concat(), "m.obj"),
+        ([build, &["-o", "m.mtl"]].concat(), "m.mtl"),
+        ([build, &["--timeline", "m.obj"]].concat(), "m.obj"),
+        (slice.to_vec(), "rest.pbrt"),
+    ] {
+        let before = std::fs::read(folder.path().join(file)).unwrap();
+        let (code, _, err) = outcome(splitplane(&folder).args(&words));
+        assert_eq!(code, 2, "{words:?}: {err}");
+        assert!(
+            err.contains(file) && err.contains("is what is read"),
+            "{err}"
+        );
+        assert_eq!(std::fs::read(folder.path().join(file)).unwrap(), before);
+    }
+}

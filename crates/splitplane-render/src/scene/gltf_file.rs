@@ -150,7 +150,12 @@ impl Reader<'_> {
         for buffer in self.document.buffers() {
             let bytes = match buffer.source() {
                 gltf::buffer::Source::Bin => blob.map(<[u8]>::to_vec),
-                gltf::buffer::Source::Uri(uri) => self.bytes_of(uri),
+                gltf::buffer::Source::Uri(uri) => {
+                    if !uri.starts_with("data:") {
+                        self.contents.files.insert(self.path_of(uri));
+                    }
+                    self.bytes_of(uri)
+                }
             };
             match bytes {
                 Some(bytes) if bytes.len() >= buffer.length() => self.buffers.push(bytes),

@@ -177,6 +177,7 @@ fn obj_scene(file: &str, path: &Path, bytes: &[u8]) -> Result<Found, SceneError>
     let mut known: HashMap<String, (&str, Mtl)> = HashMap::new();
     let mut all_read = true;
     for library in &libraries {
+        found.contents.files.insert(folder.join(library));
         match mtl_file::read(&folder.join(library)) {
             Ok(materials) => {
                 let with_library = |(name, mtl)| (name, (library.as_str(), mtl));

@@ -293,6 +293,9 @@ pub fn load(name_or_path: &str, options: &LoadOptions) -> Result<Scene, SceneErr
             format!("this is no kind of file that is read; {endings}"),
         ))
     }?;
+    let contents = &mut scene.contents;
+    contents.files.extend(contents.images.iter().cloned());
+    contents.files.insert(path.clone());
     let nothing = |mesh: &Mesh| mesh.usable_triangles().is_empty();
     if scene.triangles() > 0 && scene.meshes().all(nothing) {
         scene.notes.push(Note {

@@ -1,4 +1,7 @@
 //! What a Wavefront OBJ file says: its faces, and which materials they name.
+//!
+//! Crates that read such files do not say which faces have no normals or texture coordinates, what
+//! they pass over, or where something is wrong; the one used before could also panic.
 
 use std::borrow::Cow;
 use std::collections::HashMap;

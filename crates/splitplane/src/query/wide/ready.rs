@@ -167,10 +167,10 @@ impl Ready {
             children: [0; WIDTH],
             near: [[0.0; WIDTH]; WIDTH],
         };
-        for i in 0..WIDTH {
+        for (i, &index) in nodes.iter().enumerate() {
             let (t_min, limit) = (L::splat(self.t_min[i]), L::splat(self.limit[i]));
             let test = BoxTest::<L>::new(&self.get(i).at_root(wide));
-            let (met, near) = test.meet(node(wide, nodes[i]), t_min, limit);
+            let (met, near) = test.meet(node(wide, index), t_min, limit);
             all.children[i] = met;
             all.near[i] = near.to_array();
             all.rays |= u32::from(met != 0) << i;
