@@ -393,7 +393,7 @@ fn what_of_an_obj_and_its_library_is_left_out_is_told() {
     assert_eq!(warnings(&scene), [others, absent, short]);
 
     // What changes nothing, and materials that are not used, are not worth a word.
-    let library = "newmtl b\nKa 1 1 1\nmap_Ka x.png\nTf 1 1 1\nPm 0\nd 1\nTr 0.5\nbump -bm 2 x.png\n\
+    let library = "newmtl b\nKa 1 1 1\nmap_Ka x.png\nTf 1 1 1\nPm 0\nd 1\nTr 0.5\nbump -bm 2 x.png\nbump x.png\n\
                    newmtl unused\nnorm x.png\nnewmtl d\nPr 0\n\nbump y.png\n";
     let faces = faces
         .replace("usemtl c", "usemtl d")
@@ -401,7 +401,7 @@ fn what_of_an_obj_and_its_library_is_left_out_is_told() {
     let scene = obj(&format!("mtllib m.mtl\n{SQUARE}{faces}"), library);
     let bump =
         "m.mtl:8: \"bump\" of the material \"b\" and 1 more is not supported; rendered without";
-    let rough = "m.mtl:12: \"Pr\" of the material \"d\" is not supported; rendered without";
+    let rough = "m.mtl:13: \"Pr\" of the material \"d\" is not supported; rendered without";
     assert_eq!(warnings(&scene), [rough, bump]);
     let scene = obj(&format!("v 0 0 0 1 0 0\n{SQUARE}f 1 3 4\n"), "");
     let colors = "a.obj: colours of vertices are not supported in OBJ; rendered without";

@@ -205,7 +205,9 @@ fn obj_scene(file: &str, path: &Path, bytes: &[u8]) -> Result<Found, SceneError>
                 for (line, key) in mtl.unsupported() {
                     let new = || (Vec::new(), *line);
                     let entry = unsupported.entry((library, key)).or_insert_with(new);
-                    entry.0.push(name.as_str());
+                    if entry.0.last() != Some(&name.as_str()) {
+                        entry.0.push(name);
+                    }
                     entry.1 = entry.1.min(*line);
                 }
                 mtl.made(folder, &mut found.images)
