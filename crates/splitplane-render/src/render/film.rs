@@ -68,7 +68,6 @@ pub(super) struct FilmPlan {
 /// Pixels count in i32 with room for filters around them.
 const MAX_EDGE: u32 = 1 << 20;
 const MAX_PIXELS: usize = 1 << 28;
-const MAX_RADIUS: f32 = 64.0;
 
 impl FilmPlan {
     pub(super) fn new(film: &Film, filter: &Filter) -> Result<Self, RenderError> {
@@ -102,7 +101,7 @@ impl FilmPlan {
             });
         }
         let radius = filter::radius(filter);
-        if !radius.iter().all(|r| *r > 0.0 && *r <= MAX_RADIUS) {
+        if !radius.iter().all(|r| *r > 0.0 && *r <= Filter::MAX_RADIUS) {
             return Err(RenderError::OutOfRange {
                 what: "the filter's radius",
                 value: format!("{} {}", radius[0], radius[1]),
