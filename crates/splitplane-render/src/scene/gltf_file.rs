@@ -22,11 +22,8 @@ use crate::error::SceneError;
 use crate::scene::camera::Camera;
 use crate::transform::Transform;
 
-/// Whether the file's name is that of a glTF file.
-pub(crate) fn is_gltf(path: &Path) -> bool {
-    path.extension()
-        .is_some_and(|end| end.eq_ignore_ascii_case("gltf") || end.eq_ignore_ascii_case("glb"))
-}
+/// The endings of the files that can be read, in lower case.
+pub(crate) const ENDINGS: &[&str] = &[".gltf", ".glb"];
 
 /// The extensions that are understood.
 const EXTENSIONS: [&str; 4] = [
@@ -150,12 +147,7 @@ impl Reader<'_> {
         for buffer in self.document.buffers() {
             let bytes = match buffer.source() {
                 gltf::buffer::Source::Bin => blob.map(<[u8]>::to_vec),
-                gltf::buffer::Source::Uri(uri) => {
-                    if !uri.starts_with("data:") {
-                        self.contents.files.insert(self.path_of(uri));
-                    }
-                    self.bytes_of(uri)
-                }
+                gltf::buffer::Source::Uri(uri) => self.bytes_of(uri),
             };
             match bytes {
                 Some(bytes) if bytes.len() >= buffer.length() => self.buffers.push(bytes),
@@ -172,12 +164,17 @@ impl Reader<'_> {
     }
 
     /// The content of a file beside this one, or of a `data:` address.
-    fn bytes_of(&self, uri: &str) -> Option<Vec<u8>> {
+    fn bytes_of(&mut self, uri: &str) -> Option<Vec<u8>> {
         match uri.strip_prefix("data:") {
             Some(data) => base64::engine::general_purpose::STANDARD
                 .decode(data.split_once(";base64,")?.1)
                 .ok(),
-            None => std::fs::read(self.path_of(uri)).ok(),
+            None => {
+                let path = self.path_of(uri);
+                let bytes = std::fs::read(&path).ok();
+                self.contents.files.insert(path);
+                bytes
+            }
         }
     }
 

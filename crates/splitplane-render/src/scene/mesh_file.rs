@@ -21,12 +21,6 @@ use crate::error::{SceneError, place};
 /// The endings of the files that can be read, in lower case.
 pub(crate) const ENDINGS: &[&str] = &[".ply", ".ply.gz", ".obj", ".stl"];
 
-/// Whether the file's name is that of a mesh.
-pub(crate) fn is_mesh(path: &Path) -> bool {
-    let name = path.to_string_lossy().to_ascii_lowercase();
-    ENDINGS.iter().any(|ending| name.ends_with(ending))
-}
-
 /// What a mesh file gave.
 #[derive(Default)]
 struct Found {
@@ -177,8 +171,10 @@ fn obj_scene(file: &str, path: &Path, bytes: &[u8]) -> Result<Found, SceneError>
     let mut known: HashMap<String, (&str, Mtl)> = HashMap::new();
     let mut all_read = true;
     for library in &libraries {
-        found.contents.files.insert(folder.join(library));
-        match mtl_file::read(&folder.join(library)) {
+        let path = folder.join(library);
+        let materials = mtl_file::read(&path);
+        found.contents.files.insert(path);
+        match materials {
             Ok(materials) => {
                 let with_library = |(name, mtl)| (name, (library.as_str(), mtl));
                 known.extend(materials.into_iter().map(with_library));

@@ -24,7 +24,7 @@ mod view;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use splitplane::{Aabb, Mesh};
 
@@ -264,7 +264,8 @@ pub enum Instancing {
 pub fn load(name_or_path: &str, options: &LoadOptions) -> Result<Scene, SceneError> {
     let search = library::search_path(&options.search);
     let found = library::resolve(name_or_path, &search)?;
-    let is_pbrt = matches!(&found, library::Resolved::File { path, .. } if pbrt::is_pbrt(path));
+    let is_pbrt =
+        matches!(&found, library::Resolved::File { path, .. } if ends_in(path, pbrt::ENDINGS));
     if !is_pbrt && (!options.defines.is_empty() || options.subdivision_levels.is_some()) {
         return Err(SceneError::file(
             name_or_path,
@@ -276,9 +277,9 @@ pub fn load(name_or_path: &str, options: &LoadOptions) -> Result<Scene, SceneErr
         library::Resolved::BuiltIn { name, size } => return library::build(name, size),
         library::Resolved::File { path, name } => (path, name),
     };
-    let mut scene = if gltf_file::is_gltf(&path) {
+    let mut scene = if ends_in(&path, gltf_file::ENDINGS) {
         gltf_file::load(&path, &name)
-    } else if mesh_file::is_mesh(&path) {
+    } else if ends_in(&path, mesh_file::ENDINGS) {
         mesh_file::load(&path, &name)
     } else if is_pbrt {
         let options = LoadOptions {
@@ -306,4 +307,10 @@ pub fn load(name_or_path: &str, options: &LoadOptions) -> Result<Scene, SceneErr
         });
     }
     Ok(scene)
+}
+
+/// Whether a file's name ends in one of these, in upper or lower case.
+fn ends_in(path: &Path, endings: &[&str]) -> bool {
+    let name = path.to_string_lossy().to_ascii_lowercase();
+    endings.iter().any(|ending| name.ends_with(ending))
 }

@@ -7,7 +7,7 @@ mod truck;
 
 use std::path::{Path, PathBuf};
 
-use super::{Scene, mesh_file, pbrt};
+use super::{Scene, gltf_file, mesh_file, pbrt};
 use crate::error::SceneError;
 
 /// A scene that [`super::load`] knows by name.
@@ -266,7 +266,7 @@ pub fn resolve(name_or_path: &str, search: &[PathBuf]) -> Result<Resolved, Scene
 
 /// What files can end in, as messages say it.
 pub(crate) fn endings() -> String {
-    let all = [&pbrt::ENDINGS, &[".gltf", ".glb"], mesh_file::ENDINGS].concat();
+    let all = [pbrt::ENDINGS, gltf_file::ENDINGS, mesh_file::ENDINGS].concat();
     format!("files can end in {}", all.join(", "))
 }
 

@@ -16,16 +16,8 @@ mod textures;
 mod v4;
 mod world;
 
-use std::path::Path;
-
 pub(crate) use lexer::{shortened, shortened_to};
 pub(crate) use world::load;
 
 /// The endings of the files that can be read, in lower case.
-pub(crate) const ENDINGS: [&str; 2] = [".pbrt", ".pbrt.gz"];
-
-/// Whether the file's name is that of a scene of pbrt.
-pub(crate) fn is_pbrt(path: &Path) -> bool {
-    let name = path.to_string_lossy().to_ascii_lowercase();
-    ENDINGS.iter().any(|ending| name.ends_with(ending))
-}
+pub(crate) const ENDINGS: &[&str] = &[".pbrt", ".pbrt.gz"];

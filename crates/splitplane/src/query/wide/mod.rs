@@ -37,16 +37,14 @@ fn splats<L: Lanes>([x, y, z]: [f32; 3]) -> [L; 3] {
 
 #[inline(always)]
 fn root(wide: &Wide) -> &WideNode {
-    debug_assert!(!wide.nodes.is_empty());
-    // SAFETY: a tree has a root: `store` always writes it, and `check_wide` asks for it.
-    unsafe { wide.nodes.get_unchecked(0) }
+    node(wide, 0)
 }
 
 /// The node of that index, which a link of the tree names, or the root.
 #[inline(always)]
 fn node(wide: &Wide, index: usize) -> &WideNode {
     debug_assert!(index < wide.nodes.len());
-    // SAFETY: the links of a tree name nodes that are there: `store` writes them so, and
+    // SAFETY: a tree has a root, and its links name nodes that are there: `store` writes it so, and
     // `check_wide` refuses a tree from a file that is otherwise.
     unsafe { wide.nodes.get_unchecked(index) }
 }
@@ -171,7 +169,8 @@ impl<Q: Question> Task for Batch<'_, Q> {
     }
 }
 
-/// Takes up to eight rays through the tree, one after the other but for the root.
+/// Takes up to eight rays through the tree, one after the other but for the root and, where any hit
+/// will do, what each visits first.
 #[inline(always)]
 fn each_alone<L: Eight, Q: Question>(
     wide: &Wide,
@@ -201,11 +200,12 @@ fn each_alone<L: Eight, Q: Question>(
         let mut cursor = Cursor::<L, _>::new(wide, ready.get(i), &rays[i], &search, space);
         cursor.go_on::<Q::Search<'_>>(wide, (0, root(wide)), at_root.of(i));
         let mut goes_on = true;
-        if let Some((nodes, met)) = &first
-            && nodes[i % WIDTH] != 0
-        {
-            let visited = (nodes[i % WIDTH], node(wide, nodes[i % WIDTH]));
-            goes_on = cursor.visited::<Q::Search<'_>>(wide, visited, met.of(i));
+        if let Some((nodes, met)) = &first {
+            let index = nodes[i % WIDTH];
+            if index != 0 {
+                let visited = (index, node(wide, index));
+                goes_on = cursor.visited::<Q::Search<'_>>(wide, visited, met.of(i));
+            }
         }
         while goes_on && cursor.step(wide, &mut search, &mut ()) {}
         answers[i] = Q::answer(Q::found(&search));

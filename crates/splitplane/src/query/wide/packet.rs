@@ -12,8 +12,8 @@ use glam::Vec3A;
 use super::beam::{self, BOX_ERROR, Beam, Slab, lowest};
 use super::leaf::{self, Sight};
 use super::line;
-use super::splats;
 use super::stack::{Place, Space};
+use super::{node, splats};
 use crate::geometry::Ray;
 use crate::geometry::triangle::Shear;
 use crate::query::batch::{Coherence, Question};
@@ -360,11 +360,7 @@ impl<'a, P: Part> Packet<'a, P> {
                 Child::Node(index) => index,
                 Child::Leaf { .. } => next.node as usize,
             };
-            debug_assert!(index < wide.nodes.len());
-            // SAFETY: the links of a tree name nodes that are there: `store` writes them so, and
-            // `check_wide` refuses a tree from a file that is otherwise. A leaf is a child of a node
-            // that has been visited.
-            let node = unsafe { wide.nodes.get_unchecked(index) };
+            let node = node(wide, index);
             let beam = match frames.get(node.frame) {
                 Some(beam) => beam,
                 None => {

@@ -2,6 +2,7 @@
 
 use std::mem::MaybeUninit;
 
+use super::node;
 use crate::query::simd::Eight;
 use crate::query::traverse::Search;
 use crate::tree::wide::{Link, MAX_DEPTH, MAX_FRAMES, WIDTH, Wide, WideNode};
@@ -231,9 +232,8 @@ impl<P: Place> Stack<'_, P> {
             node: index,
             children,
         } = unsafe { self.get(top).rest };
-        debug_assert!((index as usize) < wide.nodes.len() && children != 0);
-        // SAFETY: only nodes that have been visited are put on the stack.
-        let node = unsafe { wide.nodes.get_unchecked(index as usize) };
+        debug_assert!(children != 0);
+        let node = node(wide, index as usize);
         let slot = children.trailing_zeros() as usize % WIDTH;
         *next = P::new(index as usize, node, slot);
         let children = children & (children - 1);
